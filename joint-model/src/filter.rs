@@ -1,0 +1,1 @@
+//! Digital filters that run once a cycle.

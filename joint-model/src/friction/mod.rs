@@ -1,0 +1,1 @@
+//! Friction of a harmonic-drive joint, joint side: one law, one file.

@@ -1,0 +1,1 @@
+//! What lies between motor and link: stiffness, hysteresis, damping, kinematic error. One effect, one file.

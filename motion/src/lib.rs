@@ -1,0 +1,1 @@
+//! Reference trajectories and the PA-10's inverse kinematics.

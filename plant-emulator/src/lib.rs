@@ -1,0 +1,1 @@
+//! The emulated robot: harmonic-drive plant, servo driver, sensors, injected effects.

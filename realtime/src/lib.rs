@@ -1,0 +1,1 @@
+//! Linux real-time calls behind safe functions.

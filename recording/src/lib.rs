@@ -1,0 +1,1 @@
+//! Recordings: MCAP files written and read, foreign CSV logs read.

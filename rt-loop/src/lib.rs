@@ -1,0 +1,1 @@
+//! The control loop: one cycle as a pure function, and the process around it.

@@ -1,0 +1,1 @@
+//! The processes beside the loop: torque estimator, feedforward controller, relay.

@@ -1,0 +1,1 @@
+//! Messages and topics of the control loop over shared memory.
