@@ -1,9 +1,21 @@
 //! The chain: its links, joint frames, gravity and tool.
 
 use arrayvec::ArrayVec;
-use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
+use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Unit, Vector3};
 
+use super::body::{Body, bodies};
 use crate::JOINTS_MAX;
+
+/// How far an inertia may be from symmetric or from positive semidefinite, relative to its largest element:
+/// rounding of a rotated or summed inertia, and no more.
+const ROUNDING: f64 = 1e-9;
+
+/// How far a principal moment may exceed the sum of the others, relative to itself. Two moments of a flat body
+/// add up to the third; written with four significant digits they miss it by up to 5e-4 each.
+const TRIANGLE_TOLERANCE: f64 = 1e-3;
+
+/// How far an axis or quaternion may be from unit length: rounding in single precision.
+const UNIT_LENGTH_TOLERANCE: f64 = 1e-6;
 
 /// One moving link and the revolute joint that carries it.
 #[derive(Clone, Copy, Debug)]
@@ -21,14 +33,16 @@ pub struct Link {
 }
 
 /// Why a chain cannot be built.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ChainError {
     /// No links at all, or more than [`JOINTS_MAX`].
+    #[error("a chain has 1 to {JOINTS_MAX} joints, not {found}")]
     JointCount {
         /// Links given.
         found: usize,
     },
     /// A mass is negative or not finite.
+    #[error("link {link}: a mass is at least 0 kg, not {mass_kg} kg")]
     Mass {
         /// Index of the link.
         link: usize,
@@ -36,18 +50,40 @@ pub enum ChainError {
         mass_kg: f64,
     },
     /// An inertia is not symmetric positive semidefinite, or violates the triangle inequality.
+    #[error(
+        "link {link}: no body has this inertia; it must be symmetric, about the centre of mass, \
+         with no principal moment negative or larger than the sum of the other two"
+    )]
     Inertia {
         /// Index of the link.
         link: usize,
     },
+    /// An origin, axis or centre of mass is not finite, or the axis or the origin's quaternion is not of unit length.
+    #[error(
+        "link {link}: origin, axis and centre of mass must be finite, axis and quaternion of unit length"
+    )]
+    Geometry {
+        /// Index of the link.
+        link: usize,
+    },
+    /// A component of gravity is not finite.
+    #[error("gravity must be finite, not {gravity_m_s2:?} m/s²")]
+    Gravity {
+        /// The value found.
+        gravity_m_s2: [f64; 3],
+    },
+    /// The tool frame is not finite, or its quaternion is not of unit length.
+    #[error("the tool frame must be finite, its quaternion of unit length")]
+    Tool,
 }
 
 /// A serial chain of revolute joints on a fixed base.
 #[derive(Clone, Debug)]
 pub struct Chain {
-    pub(crate) links: ArrayVec<Link, JOINTS_MAX>,
-    pub(crate) gravity_m_s2: Vector3<f64>,
-    pub(crate) tool: Isometry3<f64>,
+    pub(super) links: ArrayVec<Link, JOINTS_MAX>,
+    pub(super) bodies: ArrayVec<Body, JOINTS_MAX>,
+    pub(super) gravity_m_s2: Vector3<f64>,
+    pub(super) tool: Isometry3<f64>,
 }
 
 impl Chain {
@@ -55,13 +91,33 @@ impl Chain {
     ///
     /// # Errors
     /// [`ChainError`], naming the link.
-    pub fn new(_links: &[Link], _gravity_m_s2: Vector3<f64>, _tool: Isometry3<f64>) -> Result<Self, ChainError> {
-        todo!()
+    pub fn new(
+        links: &[Link],
+        gravity_m_s2: Vector3<f64>,
+        tool: Isometry3<f64>,
+    ) -> Result<Self, ChainError> {
+        let kept = ArrayVec::try_from(links)
+            .ok()
+            .filter(|kept| !kept.is_empty());
+        let links = kept.ok_or(ChainError::JointCount { found: links.len() })?;
+        for (index, link) in links.iter().enumerate() {
+            check_link(index, link)?;
+        }
+        check_gravity(&gravity_m_s2)?;
+        if !is_pose(&tool) {
+            return Err(ChainError::Tool);
+        }
+        Ok(Self {
+            bodies: bodies(&links),
+            links,
+            gravity_m_s2,
+            tool,
+        })
     }
 
     /// Number of joints, 1 to [`JOINTS_MAX`].
     pub fn joint_count(&self) -> usize {
-        self.links.len()
+        self.bodies.len()
     }
 
     /// The links, base to tip.
@@ -69,41 +125,70 @@ impl Chain {
         &self.links
     }
 
-    /// Joint torque that produces `acceleration_rad_s2` at this position and velocity, gravity included
-    /// (recursive Newton-Euler, Featherstone 2008, Table 5.1).
-    pub fn inverse_dynamics(
-        &self,
-        _position_rad: &[f64],
-        _velocity_rad_s: &[f64],
-        _acceleration_rad_s2: &[f64],
-        _torque_nm: &mut [f64],
-    ) {
-        todo!()
+    /// Acceleration of free fall in the base frame.
+    pub fn gravity_m_s2(&self) -> Vector3<f64> {
+        self.gravity_m_s2
     }
 
-    /// Joint torque that holds the chain still against gravity.
-    pub fn gravity_torque(&self, _position_rad: &[f64], _torque_nm: &mut [f64]) {
-        todo!()
+    /// Replaces gravity, for a base that is tilted or in free fall.
+    ///
+    /// # Errors
+    /// [`ChainError::Gravity`]; the chain then keeps what it had.
+    pub fn set_gravity(&mut self, gravity_m_s2: Vector3<f64>) -> Result<(), ChainError> {
+        check_gravity(&gravity_m_s2)?;
+        self.gravity_m_s2 = gravity_m_s2;
+        Ok(())
     }
+}
 
-    /// Joint acceleration under `torque_nm` (articulated-body algorithm, Featherstone 2008, Table 7.1).
-    pub fn forward_dynamics(
-        &self,
-        _position_rad: &[f64],
-        _velocity_rad_s: &[f64],
-        _torque_nm: &[f64],
-        _acceleration_rad_s2: &mut [f64],
-    ) {
-        todo!()
+fn check_link(index: usize, link: &Link) -> Result<(), ChainError> {
+    if !is_pose(&link.origin) || !is_unit(link.axis.norm()) || !is_finite(&link.centre_of_mass_m) {
+        return Err(ChainError::Geometry { link: index });
     }
+    if !link.mass_kg.is_finite() || link.mass_kg < 0.0 {
+        return Err(ChainError::Mass {
+            link: index,
+            mass_kg: link.mass_kg,
+        });
+    }
+    if !is_inertia_of_a_body(&link.inertia_kg_m2) {
+        return Err(ChainError::Inertia { link: index });
+    }
+    Ok(())
+}
 
-    /// The tool frame in the base frame.
-    pub fn tool_pose(&self, _position_rad: &[f64]) -> Isometry3<f64> {
-        todo!()
+fn check_gravity(gravity_m_s2: &Vector3<f64>) -> Result<(), ChainError> {
+    if is_finite(gravity_m_s2) {
+        return Ok(());
     }
+    Err(ChainError::Gravity {
+        gravity_m_s2: (*gravity_m_s2).into(),
+    })
+}
 
-    /// Gravitational potential energy, zero with every centre of mass at the base origin's height.
-    pub fn potential_energy_j(&self, _position_rad: &[f64]) -> f64 {
-        todo!()
+fn is_pose(frame: &Isometry3<f64>) -> bool {
+    is_finite(&frame.translation.vector) && is_unit(frame.rotation.norm())
+}
+
+fn is_finite(vector: &Vector3<f64>) -> bool {
+    vector.iter().all(|component| component.is_finite())
+}
+
+/// Not for NaN either.
+fn is_unit(length: f64) -> bool {
+    (length - 1.0).abs() <= UNIT_LENGTH_TOLERANCE
+}
+
+fn is_inertia_of_a_body(inertia_kg_m2: &Matrix3<f64>) -> bool {
+    // Checked first: the eigenvalue iteration below never ends on NaN.
+    if !inertia_kg_m2.iter().all(|element| element.is_finite()) {
+        return false;
     }
+    let rounding = ROUNDING * inertia_kg_m2.amax();
+    if (inertia_kg_m2 - inertia_kg_m2.transpose()).amax() > rounding {
+        return false;
+    }
+    let moments = SymmetricEigen::new(*inertia_kg_m2).eigenvalues;
+    let largest = moments.max();
+    moments.min() >= -rounding && 2.0 * largest - moments.sum() <= TRIANGLE_TOLERANCE * largest
 }

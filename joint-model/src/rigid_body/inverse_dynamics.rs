@@ -1,0 +1,130 @@
+//! Inverse dynamics: from motion to torque, by recursive Newton-Euler.
+//!
+//! Featherstone, Rigid Body Dynamics Algorithms (2008), Table 5.1, with ordinary instead of spatial
+//! accelerations. A point at `r` in a link whose origin accelerates with `a` has acceleration `a + Ω r`, where
+//! `Ω = [α]× + [ω]×[ω]×`; one `Ω` per link serves the next origin, the force and the moment (Balafoutis and
+//! Patel, Dynamic Analysis of Robot Manipulators, 1991).
+
+use arrayvec::ArrayVec;
+use nalgebra::{Matrix3, Vector3};
+
+use super::body::AugmentedLink;
+use super::{Chain, assert_joints};
+use crate::JOINTS_MAX;
+
+/// What the way to the tip leaves for the way back, in the link's frame.
+struct LoadedLink {
+    rotation: Matrix3<f64>,
+    force_n: Vector3<f64>,
+    moment_nm: Vector3<f64>,
+}
+
+impl Chain {
+    /// Joint torque that produces `acceleration_rad_s2` at this position and velocity, gravity included.
+    pub fn inverse_dynamics(
+        &self,
+        position_rad: &[f64],
+        velocity_rad_s: &[f64],
+        acceleration_rad_s2: &[f64],
+        torque_nm: &mut [f64],
+    ) {
+        assert_joints(
+            self.joint_count(),
+            &[
+                position_rad.len(),
+                velocity_rad_s.len(),
+                acceleration_rad_s2.len(),
+                torque_nm.len(),
+            ],
+        );
+        let mut loaded = ArrayVec::new();
+        self.load_links(
+            position_rad,
+            velocity_rad_s,
+            acceleration_rad_s2,
+            &mut loaded,
+        );
+        let mut force_n = Vector3::zeros();
+        let mut moment_nm = Vector3::zeros();
+        for ((body, link), torque_nm) in self.bodies.iter().zip(&loaded).zip(torque_nm).rev() {
+            force_n += link.force_n;
+            moment_nm += link.moment_nm;
+            *torque_nm = moment_nm.z;
+            force_n = link.rotation * force_n;
+            moment_nm = link.rotation * moment_nm + body.origin_m.cross(&force_n);
+        }
+    }
+
+    /// Force and moment that each augmented link's own motion takes, base to tip. Filled in place: a buffer
+    /// this large would be copied on return.
+    fn load_links(
+        &self,
+        position_rad: &[f64],
+        velocity_rad_s: &[f64],
+        acceleration_rad_s2: &[f64],
+        loaded: &mut ArrayVec<LoadedLink, JOINTS_MAX>,
+    ) {
+        let mut omega_rad_s = Vector3::zeros();
+        let mut alpha_rad_s2 = Vector3::zeros();
+        let mut field = Matrix3::zeros();
+        // A base that accelerates upwards takes the same torques as gravity.
+        let mut origin_m_s2 = -self.gravity_m_s2;
+        let joints = position_rad
+            .iter()
+            .zip(velocity_rad_s)
+            .zip(acceleration_rad_s2);
+        for (body, ((&position, &velocity), &acceleration)) in self.bodies.iter().zip(joints) {
+            let rotation = body.rotation(position);
+            origin_m_s2 = rotation.tr_mul(&(origin_m_s2 + field * body.origin_m));
+            omega_rad_s = rotation.tr_mul(&omega_rad_s);
+            alpha_rad_s2 = rotation.tr_mul(&alpha_rad_s2)
+                + Vector3::new(
+                    omega_rad_s.y * velocity,
+                    -omega_rad_s.x * velocity,
+                    acceleration,
+                );
+            omega_rad_s.z += velocity;
+            field = acceleration_field(&omega_rad_s, &alpha_rad_s2);
+            let (force_n, moment_nm) = load(&body.augmented, &field, &origin_m_s2);
+            loaded.push(LoadedLink {
+                rotation,
+                force_n,
+                moment_nm,
+            });
+        }
+    }
+}
+
+/// `Ω = [α]× + [ω]×[ω]×`.
+#[inline]
+fn acceleration_field(omega: &Vector3<f64>, alpha: &Vector3<f64>) -> Matrix3<f64> {
+    let (xx, yy, zz) = (omega.x * omega.x, omega.y * omega.y, omega.z * omega.z);
+    let (xy, xz, yz) = (omega.x * omega.y, omega.x * omega.z, omega.y * omega.z);
+    Matrix3::new(
+        -(yy + zz),
+        xy - alpha.z,
+        xz + alpha.y,
+        xy + alpha.z,
+        -(xx + zz),
+        yz - alpha.x,
+        xz - alpha.y,
+        yz + alpha.x,
+        -(xx + yy),
+    )
+}
+
+/// Force `∫ a + Ω r dm` and moment `∫ r × (a + Ω r) dm`; the augmented links are without mass at their origin.
+#[inline]
+fn load(
+    link: &AugmentedLink,
+    field: &Matrix3<f64>,
+    origin_m_s2: &Vector3<f64>,
+) -> (Vector3<f64>, Vector3<f64>) {
+    let (h, s, f) = (&link.first_moment_kg_m, &link.second_moment_kg_m2, field);
+    let about_origin_nm = Vector3::new(
+        (f.m31 * s.xy + f.m32 * s.yy + f.m33 * s.yz) - (f.m21 * s.xz + f.m22 * s.yz + f.m23 * s.zz),
+        (f.m11 * s.xz + f.m12 * s.yz + f.m13 * s.zz) - (f.m31 * s.xx + f.m32 * s.xy + f.m33 * s.xz),
+        (f.m21 * s.xx + f.m22 * s.xy + f.m23 * s.xz) - (f.m11 * s.xy + f.m12 * s.yy + f.m13 * s.yz),
+    );
+    (field * h, about_origin_nm + h.cross(origin_m_s2))
+}
