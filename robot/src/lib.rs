@@ -1,6 +1,37 @@
 //! Robot files, effects and injection files: read, checked, turned into models.
+//!
+//! A robot is a TOML file: the nominal model of an arm and its drives. The keys are the public fields of [`RobotFile`],
+//! [`LinkFile`] and [`RobotJoint`]; [`load`] takes a shipped robot's name or a path. Every error is one line that says
+//! what is wrong, where, and what to change.
+//!
+//! ```
+//! let robot = robot::load("pa10")?;
+//! assert_eq!(robot.joints.len(), 7);
+//! assert_eq!(robot.joint_index("joint4"), Some(3));
+//! # Ok::<(), robot::RobotError>(())
+//! ```
 #![forbid(unsafe_code)]
 
+mod check;
+mod control;
 mod effect;
+mod error;
+mod file;
+mod injection;
+mod nominal;
+mod parse;
+mod robot;
+mod table;
+mod tolerance;
+mod urdf;
 
+pub use control::{Control, ControlKind, Feedback, Feedforward};
 pub use effect::{Effect, EncoderSide};
+pub use error::{Place, RobotError, nearest};
+pub use file::{InertiaFile, LinkFile, RobotFile, RobotJoint};
+pub use injection::{Injection, load_injection, parse_injection};
+pub use nominal::{FrictionFull, add_friction};
+pub use parse::parse as parse_toml;
+pub use robot::{Robot, Source, load, shipped};
+pub use table::{DirectionalFriction, LoadTorqueRow, LoadTorqueTable, StribeckRow};
+pub use tolerance::{DEFAULT_TOLERANCE, Tolerance};

@@ -1,0 +1,361 @@
+//! Are the numbers of a robot file possible? Each error names the value and what is allowed.
+
+use std::collections::BTreeMap;
+
+use joint_model::friction::TERMS_MAX;
+
+use crate::error::{Place, RobotError};
+use crate::tolerance::PARAMETERS;
+use crate::{Control, ControlKind, Effect, LoadTorqueRow, RobotJoint, StribeckRow, Tolerance};
+
+/// What a number must be.
+#[derive(Clone, Copy)]
+pub enum Must {
+    BeFinite,
+    BePositive,
+    NotBeNegative,
+    /// From 0 up to, but not including, 1.
+    BeFraction,
+}
+
+impl Must {
+    fn holds(self, value: f64) -> bool {
+        value.is_finite()
+            && match self {
+                Self::BeFinite => true,
+                Self::BePositive => value > 0.0,
+                Self::NotBeNegative => value >= 0.0,
+                Self::BeFraction => (0.0..1.0).contains(&value),
+            }
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Self::BeFinite => "must be a finite number",
+            Self::BePositive => "must be above zero and finite",
+            Self::NotBeNegative => "must be zero or above and finite",
+            Self::BeFraction => "must be at least 0 and below 1",
+        }
+    }
+}
+
+/// One number.
+pub fn number(place: &Place, key: &str, value: f64, must: Must) -> Result<(), RobotError> {
+    if must.holds(value) {
+        return Ok(());
+    }
+    Err(place.invalid(format!("{key} = {value} {}", must.words())))
+}
+
+/// Several numbers under one key.
+pub fn numbers(place: &Place, key: &str, values: &[f64], must: Must) -> Result<(), RobotError> {
+    values
+        .iter()
+        .try_for_each(|value| number(place, key, *value, must))
+}
+
+/// Numbers that may be absent.
+fn optional(place: &Place, key: &str, value: Option<f64>, must: Must) -> Result<(), RobotError> {
+    value.map_or(Ok(()), |value| number(place, key, value, must))
+}
+
+/// A name that can stand in a column heading `JOINT.SIGNAL`.
+pub fn name(place: &Place, key: &str, name: &str) -> Result<(), RobotError> {
+    let usable = |c: char| !c.is_control() && !c.is_whitespace() && !matches!(c, ',' | '.' | '"');
+    if !name.is_empty() && name.chars().all(usable) {
+        return Ok(());
+    }
+    let rule = "must not be empty nor hold spaces, commas, dots or quotes, because recordings use it in headings";
+    Err(place.invalid(format!("{key} = {name:?} {rule}")))
+}
+
+/// Everything of a joint but its name.
+pub fn joint(place: &Place, joint: &RobotJoint) -> Result<(), RobotError> {
+    number(place, "gear_ratio", joint.gear_ratio, Must::BePositive)?;
+    number(
+        place,
+        "rotor_inertia_kg_m2",
+        joint.rotor_inertia_kg_m2,
+        Must::NotBeNegative,
+    )?;
+    number(
+        place,
+        "position_noise_rad",
+        joint.position_noise_rad,
+        Must::NotBeNegative,
+    )?;
+    number(
+        place,
+        "torque_noise_nm",
+        joint.torque_noise_nm,
+        Must::NotBeNegative,
+    )?;
+    optional(
+        place,
+        "torque_limit_nm",
+        joint.torque_limit_nm,
+        Must::BePositive,
+    )?;
+    optional(
+        place,
+        "torque_constant_nm_a",
+        joint.torque_constant_nm_a,
+        Must::BePositive,
+    )?;
+    optional(
+        place,
+        "motor_encoder_resolution_rad",
+        joint.motor_encoder_resolution_rad,
+        Must::BePositive,
+    )?;
+    optional(
+        place,
+        "link_encoder_resolution_rad",
+        joint.link_encoder_resolution_rad,
+        Must::BePositive,
+    )?;
+    optional(
+        place,
+        "velocity_limit_rad_s",
+        joint.velocity_limit_rad_s,
+        Must::BePositive,
+    )?;
+    if let Some([low, high]) = joint.position_limit_rad {
+        numbers(place, "position_limit_rad", &[low, high], Must::BeFinite)?;
+        if low >= high {
+            return Err(place.invalid(format!(
+                "position_limit_rad = [{low}, {high}] must be ascending"
+            )));
+        }
+    }
+    if let Some(friction) = &joint.direction_friction {
+        stribeck(place, "direction_friction.positive", &friction.positive)?;
+        stribeck(place, "direction_friction.negative", &friction.negative)?;
+    }
+    if let Some(torque) = &joint.load_torque {
+        load(place, "load_torque.positive", &torque.positive)?;
+        load(place, "load_torque.negative", &torque.negative)?;
+    }
+    effects(place, &joint.effects)
+}
+
+fn stribeck(place: &Place, key: &str, row: &StribeckRow) -> Result<(), RobotError> {
+    number(
+        place,
+        &format!("{key}.f0_nm"),
+        row.f0_nm,
+        Must::NotBeNegative,
+    )?;
+    number(
+        place,
+        &format!("{key}.fv_nm_s_rad"),
+        row.fv_nm_s_rad,
+        Must::BeFinite,
+    )?;
+    number(place, &format!("{key}.fs_nm"), row.fs_nm, Must::BeFinite)?;
+    number(
+        place,
+        &format!("{key}.vc_rad_s"),
+        row.vc_rad_s,
+        Must::BePositive,
+    )
+}
+
+fn load(place: &Place, key: &str, row: &LoadTorqueRow) -> Result<(), RobotError> {
+    numbers(place, &format!("{key}.slopes"), &row.slopes, Must::BeFinite)?;
+    numbers(
+        place,
+        &format!("{key}.knees_nm"),
+        &row.knees_nm,
+        Must::BeFinite,
+    )?;
+    number(
+        place,
+        &format!("{key}.zero_load_nm"),
+        row.zero_load_nm,
+        Must::BeFinite,
+    )?;
+    let [first, second] = row.knees_nm;
+    if first < second {
+        return Ok(());
+    }
+    Err(place.invalid(format!(
+        "{key}.knees_nm = [{first}, {second}] must be ascending, swap them"
+    )))
+}
+
+/// Effects at one place. Entries of one kind add up, so of what adds up the sum must be possible: a file may hold a
+/// stiffness and, beside it, a negative change of it. What shapes an entry must be possible in each.
+pub fn effects(place: &Place, effects: &[Effect]) -> Result<(), RobotError> {
+    let mut sums: BTreeMap<(&str, String), f64> = BTreeMap::new();
+    for effect in effects {
+        for (key, value) in parameters(effect) {
+            let what = format!("effect {}: {key}", effect.name());
+            number(place, &what, value, rule_for_each(&key))?;
+            *sums.entry((effect.name(), key)).or_default() += value;
+        }
+        thermal(place, effect)?;
+        let same = effects.iter().filter(|other| other.name() == effect.name());
+        if has_a_term_each(effect) && same.count() > TERMS_MAX {
+            return Err(place.invalid(format!(
+                "effect {} stands there more than {TERMS_MAX} times; leave out the smallest",
+                effect.name()
+            )));
+        }
+    }
+    sums.iter().try_for_each(|((effect, key), sum)| {
+        let what = format!("effect {effect}: {key}");
+        number(place, &what, *sum, rule_for_sum(effect, key))
+    })
+}
+
+/// Effects of these kinds do not add up to one of their kind; the joint's model has room for so many.
+fn has_a_term_each(effect: &Effect) -> bool {
+    matches!(
+        effect,
+        Effect::StribeckFriction { .. } | Effect::PositionDependentFriction { .. }
+    )
+}
+
+fn rule_for_each(key: &str) -> Must {
+    match key {
+        "stribeck_velocity_rad_s"
+        | "yield_rad"
+        | "exponent"
+        | "gain"
+        | "time_constant_s"
+        | "cutoff_hz"
+        | "limit_nm"
+        | "resolution_rad" => Must::BePositive,
+        _ => Must::BeFinite,
+    }
+}
+
+fn rule_for_sum(effect: &str, key: &str) -> Must {
+    match key {
+        "stiffness_nm_rad" if effect == "joint_spring" => Must::BeFinite,
+        "stiffness_nm_rad" | "low_stiffness_nm_rad" => Must::BePositive,
+        "knee_nm" | "width_nm" | "damping_nm_s_rad" | "gap_rad" | "delay_s" => Must::NotBeNegative,
+        "fraction" => Must::BeFraction,
+        _ => Must::BeFinite,
+    }
+}
+
+fn thermal(place: &Place, effect: &Effect) -> Result<(), RobotError> {
+    let Effect::ThermalFrictionDrift {
+        drift_nm_s,
+        time_constant_s,
+        change_nm,
+    } = effect
+    else {
+        return Ok(());
+    };
+    match (drift_nm_s, time_constant_s, change_nm) {
+        (Some(_), None, None) | (None, Some(_), Some(_)) => Ok(()),
+        _ => {
+            Err(place.invalid("effect thermal_friction_drift: give drift_nm_s alone, or time_constant_s and change_nm"))
+        }
+    }
+}
+
+/// The numbers of an effect by name; coordinates all under theirs.
+fn parameters(effect: &Effect) -> Vec<(String, f64)> {
+    // Writing an effect cannot fail: it is a flat table of numbers.
+    let table = toml::Table::try_from(effect).unwrap_or_default();
+    let number = |value: &toml::Value| value.as_float();
+    let each = |(key, value): (String, toml::Value)| match &value {
+        toml::Value::Array(list) => list
+            .iter()
+            .filter_map(number)
+            .map(|x| (key.clone(), x))
+            .collect(),
+        single => number(single)
+            .map(|x| (key, x))
+            .into_iter()
+            .collect::<Vec<_>>(),
+    };
+    table.into_iter().flat_map(each).collect()
+}
+
+/// Tolerances and the names they stand under.
+pub fn tolerance(file: &str, tolerance: &Tolerance) -> Result<(), RobotError> {
+    let place = Place::new(file, "parameter_tolerance");
+    let known: Vec<String> = PARAMETERS.map(str::to_owned).to_vec();
+    number(&place, "default", tolerance.default, Must::NotBeNegative)?;
+    for (name, value) in &tolerance.parameters {
+        if !known.contains(name) {
+            return Err(place.unknown("parameter", name, &known));
+        }
+        number(&place, name, *value, Must::NotBeNegative)?;
+    }
+    Ok(())
+}
+
+/// The controller; fills in the gains that its kind may leave out.
+pub fn control(file: &str, control: &mut Control, joint_count: usize) -> Result<(), RobotError> {
+    const FILTER_ORDER_MAX: u32 = 10;
+    const DELAY_CYCLES_MAX: u32 = 1000;
+    let place = Place::new(file, "control");
+    let needs_gains = matches!(
+        control.kind,
+        ControlKind::PdFeedforward | ControlKind::VelocityPi
+    );
+    gains(
+        &place,
+        "proportional_nm_rad",
+        &mut control.proportional_nm_rad,
+        joint_count,
+        needs_gains,
+    )?;
+    gains(
+        &place,
+        "derivative_nm_s_rad",
+        &mut control.derivative_nm_s_rad,
+        joint_count,
+        needs_gains,
+    )?;
+    number(&place, "rate_hz", control.rate_hz, Must::BePositive)?;
+    number(
+        &place,
+        "velocity_filter_hz",
+        control.velocity_filter_hz,
+        Must::NotBeNegative,
+    )?;
+    let (filter_hz, nyquist_hz) = (control.velocity_filter_hz, control.rate_hz / 2.0);
+    if filter_hz >= nyquist_hz {
+        return Err(place.invalid(format!(
+            "velocity_filter_hz = {filter_hz} must be below half of rate_hz, that is below {nyquist_hz}; 0 for no filter"
+        )));
+    }
+    let (order, delay) = (control.velocity_filter_order, control.delay_cycles);
+    if !(1..=FILTER_ORDER_MAX).contains(&order) {
+        return Err(place.invalid(format!(
+            "velocity_filter_order = {order} must be from 1 to {FILTER_ORDER_MAX}"
+        )));
+    }
+    if delay > DELAY_CYCLES_MAX {
+        return Err(place.invalid(format!(
+            "delay_cycles = {delay} must be at most {DELAY_CYCLES_MAX}"
+        )));
+    }
+    Ok(())
+}
+
+fn gains(
+    place: &Place,
+    key: &str,
+    gains: &mut Vec<f64>,
+    joints: usize,
+    needed: bool,
+) -> Result<(), RobotError> {
+    if gains.is_empty() && !needed {
+        gains.resize(joints, 0.0);
+    }
+    if gains.len() != joints {
+        let found = gains.len();
+        return Err(place.invalid(format!(
+            "{key} has {found} values, give one for each of the {joints} joints"
+        )));
+    }
+    numbers(place, key, gains, Must::NotBeNegative)
+}

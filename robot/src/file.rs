@@ -1,0 +1,139 @@
+//! Robot files as they are written: the keys of the TOML text, not yet checked or built.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::RobotError;
+use crate::parse::parse;
+use crate::{Control, DirectionalFriction, Effect, LoadTorqueTable, Tolerance};
+
+/// A robot file, key by key. [`RobotFile::build`](crate::RobotFile::build) checks it and makes the robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotFile {
+    /// What the robot is called.
+    pub name: String,
+    /// Acceleration of free fall in the base frame.
+    #[serde(default = "down")]
+    pub gravity_m_s2: [f64; 3],
+    /// How well the values of the file are known.
+    #[serde(default)]
+    pub parameter_tolerance: Tolerance,
+    /// URDF with the rigid bodies, relative to the robot file; or `[[link]]` tables instead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub urdf: Option<String>,
+    /// Origin of the end-effector frame in the last link's frame.
+    #[serde(default)]
+    pub tool_origin_m: [f64; 3],
+    /// Orientation of the end-effector frame in the last link's frame: fixed-axis roll, pitch, yaw.
+    #[serde(default)]
+    pub tool_origin_rpy_rad: [f64; 3],
+    /// Effects of the whole arm that the nominal model knows, such as a payload.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub shared_effects: Vec<Effect>,
+    /// What ran on the robot while it was recorded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub control: Option<Control>,
+    /// The serial chain, base to tip, where there is no URDF.
+    #[serde(default, rename = "link", skip_serializing_if = "Vec::is_empty")]
+    pub links: Vec<LinkFile>,
+    /// The drives, matched to the chain by joint name.
+    #[serde(default, rename = "joint")]
+    pub joints: Vec<RobotJoint>,
+}
+
+impl RobotFile {
+    /// Reads the text of a robot file; `file` is what errors call it.
+    ///
+    /// # Errors
+    /// [`RobotError`] with file, line and key. Values are checked when the robot is built.
+    pub fn parse(text: &str, file: &str) -> Result<Self, RobotError> {
+        parse(text, file)
+    }
+}
+
+fn down() -> [f64; 3] {
+    [0.0, 0.0, -9.81]
+}
+
+/// One `[[link]]`: a moving link and the revolute joint that carries it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LinkFile {
+    /// Name of the `[[joint]]` that carries the link.
+    pub joint: String,
+    /// Joint frame in the parent's.
+    #[serde(default)]
+    pub origin_m: [f64; 3],
+    /// Orientation of the joint frame in the parent's: fixed-axis roll, pitch, yaw.
+    #[serde(default)]
+    pub origin_rpy_rad: [f64; 3],
+    /// Joint axis in the joint frame; of any length but zero.
+    pub axis: [f64; 3],
+    /// Mass of the link.
+    pub mass_kg: f64,
+    /// Centre of mass in the joint frame.
+    pub centre_of_mass_m: [f64; 3],
+    /// Inertia about the centre of mass, in axes parallel to the joint frame.
+    pub inertia_kg_m2: InertiaFile,
+}
+
+/// A symmetric inertia tensor, element by element.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs, reason = "the names are the elements")]
+pub struct InertiaFile {
+    pub xx: f64,
+    pub yy: f64,
+    pub zz: f64,
+    #[serde(default)]
+    pub xy: f64,
+    #[serde(default)]
+    pub yz: f64,
+    #[serde(default)]
+    pub xz: f64,
+}
+
+/// One joint's drive and sensors. Everything it holds adds up: effects and tables.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotJoint {
+    /// The joint's name, which recordings use too.
+    pub name: String,
+    /// Motor turns per joint turn.
+    pub gear_ratio: f64,
+    /// Motor side, wave generator included.
+    pub rotor_inertia_kg_m2: f64,
+    /// Largest torque the drive gives, motor side.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub torque_limit_nm: Option<f64>,
+    /// Motor torque per ampere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub torque_constant_nm_a: Option<f64>,
+    /// Step of the motor encoder, motor side.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motor_encoder_resolution_rad: Option<f64>,
+    /// Step of the link encoder, joint side.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub link_encoder_resolution_rad: Option<f64>,
+    /// Standard deviation of the position sensors' noise, each on its own side of the gear.
+    #[serde(default)]
+    pub position_noise_rad: f64,
+    /// Standard deviation of the reported torque's noise, motor side.
+    #[serde(default)]
+    pub torque_noise_nm: f64,
+    /// Where the joint may go.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position_limit_rad: Option<[f64; 2]>,
+    /// How fast the joint may go, either way.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub velocity_limit_rad_s: Option<f64>,
+    /// Friction measured per direction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direction_friction: Option<DirectionalFriction>,
+    /// Torque over load measured per direction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub load_torque: Option<LoadTorqueTable>,
+    /// What the nominal model already knows.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub effects: Vec<Effect>,
+}

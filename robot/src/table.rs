@@ -1,0 +1,58 @@
+//! Friction and load torque of a harmonic drive as measured tables, each direction of motion on its own
+//! (Kennedy and Desai, IEEE/ASME Trans. Mechatronics 2005, "PA10-05": Tables II and V). Joint side.
+
+use serde::{Deserialize, Serialize};
+
+/// Friction by direction of motion: eq (7) with the coefficients of Table II.
+///
+/// The magnitudes oppose the motion in both rows. The paper writes eq (7) for signed velocity, so its negative rows
+/// carry negative `Fs·sgn` and `Vc`; the signs cancel, and here both rows are written for speed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DirectionalFriction {
+    /// For positive joint velocity.
+    pub positive: StribeckRow,
+    /// For negative joint velocity.
+    pub negative: StribeckRow,
+}
+
+/// One direction of eq (7): friction at speed `v ≥ 0` is `f0 + fv·v + fs·(1 - exp(-v/vc))`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StribeckRow {
+    /// `F0`: friction at the limit of speed zero.
+    pub f0_nm: f64,
+    /// `Fv`: viscous coefficient.
+    pub fv_nm_s_rad: f64,
+    /// `Fs`: what friction gains while the speed passes `vc`; negative where it first falls.
+    pub fs_nm: f64,
+    /// `Vc`: speed over which `fs` builds up; positive.
+    pub vc_rad_s: f64,
+}
+
+/// Torque that deforms the wave generator, over gravity torque, by direction of motion (Table V, eq (5) `T_c`).
+///
+/// Each row gives `T_c` *along the direction of motion*: positive hinders the motion like friction, negative helps.
+/// For the positive rows that is the paper's sign. Its negative rows are printed without saying so, but make physical
+/// sense only if read this way: a joint that gravity pushes along loses friction in either direction. Taken as torque
+/// about the axis, they would make gravity-assisted motion in the negative direction *harder* by the same amount.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LoadTorqueTable {
+    /// For positive joint velocity.
+    pub positive: LoadTorqueRow,
+    /// For negative joint velocity.
+    pub negative: LoadTorqueRow,
+}
+
+/// One direction of Table V: continuous and piecewise linear in the gravity torque about the axis.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LoadTorqueRow {
+    /// Slopes below the first knee, between the knees, and above the second; Nm per Nm.
+    pub slopes: [f64; 3],
+    /// Gravity torques at which the slope changes, ascending.
+    pub knees_nm: [f64; 2],
+    /// `T_c` at gravity torque zero, which fixes the offset (the paper's "zero-gravity stiffness").
+    pub zero_load_nm: f64,
+}

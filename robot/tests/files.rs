@@ -1,0 +1,485 @@
+//! Robot and injection files as people write them: accepted, or refused in one line that helps.
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use robot::{Effect, Robot, RobotError, RobotFile, Source, load, parse_injection};
+
+const BENCH: &str = r#"
+name = "bench"
+parameter_tolerance = { default = 0.03, mass_kg = 0.1 }
+
+[[link]]
+joint = "shoulder"
+origin_m = [0.0, 0.0, 0.3]
+axis = [0, 2, 0]
+mass_kg = 2
+centre_of_mass_m = [0.0, 0.0, 0.2]
+inertia_kg_m2 = { xx = 0.02, yy = 0.02, zz = 0.004 }
+
+[[link]]
+joint = "elbow"
+origin_m = [0.0, 0.0, 0.4]
+axis = [0.0, 1.0, 0.0]
+mass_kg = 1.0
+centre_of_mass_m = [0.0, 0.0, 0.1]
+inertia_kg_m2 = { xx = 0.01, yy = 0.01, zz = 0.002 }
+
+[[joint]]
+name = "elbow"
+gear_ratio = 50.0
+rotor_inertia_kg_m2 = 1e-5
+effects = [
+  { effect = "payload", mass_kg = 0.5, centre_m = 0.25 },
+  { effect = "coulomb_friction", coulomb_nm = 1.0 },
+]
+
+[[joint]]
+name = "shoulder"
+gear_ratio = 100.0
+rotor_inertia_kg_m2 = 1.14e-5
+
+[control]
+rate_hz = 1000.0
+kind = "pd_feedforward"
+proportional_nm_rad = [10.0, 40.0]
+derivative_nm_s_rad = [1.0, 4.0]
+"#;
+
+fn read(text: &str) -> Result<Robot, RobotError> {
+    RobotFile::parse(text, "bench.toml")?.build(Source::File("bench.toml".into()))
+}
+
+/// The message for the bench file with one part replaced.
+#[track_caller]
+fn refused(part: &str, replacement: &str) -> String {
+    assert!(BENCH.contains(part), "{part}");
+    let message = read(&BENCH.replacen(part, replacement, 1))
+        .unwrap_err()
+        .to_string();
+    assert!(!message.contains('\n'), "{message}");
+    assert!(message.starts_with("bench.toml"), "{message}");
+    message
+}
+
+#[track_caller]
+fn assert_says(message: &str, words: &[&str]) {
+    for word in words {
+        assert!(message.contains(word), "{word:?} is not in: {message}");
+    }
+}
+
+#[test]
+fn joints_and_gains_follow_the_chain() {
+    let robot = read(BENCH).unwrap();
+    assert_eq!(robot.joint_index("shoulder"), Some(0));
+    assert_eq!(robot.joint_index("elbow"), Some(1));
+    assert_eq!(robot.joints[0].gear_ratio, 100.0);
+    assert_eq!(robot.control.unwrap().proportional_nm_rad, [40.0, 10.0]);
+    assert_eq!(robot.tolerance.of("mass_kg"), 0.1);
+    assert_eq!(robot.chain.links()[0].axis.y, 1.0);
+}
+
+#[test]
+fn a_payload_is_the_arms_wherever_it_is_written() {
+    let robot = read(BENCH).unwrap();
+    assert_eq!(
+        robot.shared_effects,
+        [Effect::Payload {
+            mass_kg: 0.5,
+            centre_m: [0.0, 0.0, 0.25]
+        }]
+    );
+    assert_eq!(
+        robot.joints[1].effects,
+        [Effect::CoulombFriction { coulomb_nm: 1.0 }]
+    );
+}
+
+#[test]
+fn unknown_keys_are_named_with_place_and_nearest_key() {
+    let top = refused("parameter_tolerance", "parameter_tolerence");
+    assert_says(
+        &top,
+        &[
+            "line 3",
+            "top level",
+            "`parameter_tolerence`",
+            "did you mean `parameter_tolerance`?",
+        ],
+    );
+    let joint = refused("gear_ratio = 50.0", "gear_ration = 50.0");
+    assert_says(
+        &joint,
+        &[
+            "line 23",
+            "joint `elbow`",
+            "`gear_ration`",
+            "did you mean `gear_ratio`?",
+        ],
+    );
+    let parameter = refused("coulomb_nm = 1.0", "coulomb = 1.0");
+    assert_says(
+        &parameter,
+        &[
+            "joint `elbow`",
+            "coulomb_friction",
+            "`coulomb`",
+            "did you mean `coulomb_nm`?",
+        ],
+    );
+    let effect = refused("\"coulomb_friction\"", "\"columb_friction\"");
+    assert_says(
+        &effect,
+        &[
+            "joint `elbow`",
+            "`columb_friction`",
+            "did you mean `coulomb_friction`?",
+        ],
+    );
+    let inertia = refused("zz = 0.002", "zy = 0.002");
+    assert_says(&inertia, &["link `elbow`", "inertia_kg_m2", "`zy`"]);
+    let kind = refused("pd_feedforward", "pd");
+    assert_says(
+        &kind,
+        &["control, kind", "`pd`", "did you mean `pd_feedforward`?"],
+    );
+    let tolerance = refused("mass_kg = 0.1 }", "mass = 0.1 }");
+    assert_says(
+        &tolerance,
+        &["parameter_tolerance", "`mass`", "did you mean `mass_kg`?"],
+    );
+}
+
+#[test]
+fn malformed_text_is_refused_with_its_line() {
+    assert_says(
+        &refused("gear_ratio = 50.0", "gear_ratio = "),
+        &["line 23", "not valid TOML"],
+    );
+    assert_says(
+        &refused("gear_ratio = 50.0", "gear_ratio = \"fifty\""),
+        &["line 23", "joint `elbow`, gear_ratio"],
+    );
+    assert_says(
+        &refused("gear_ratio = 50.0\n", "\n"),
+        &["joint `elbow`", "`gear_ratio` is missing, add it"],
+    );
+    assert_says(
+        &refused("[0, 2, 0]", "[0, 2]"),
+        &["link `shoulder`, axis", "array of length 3"],
+    );
+}
+
+#[test]
+fn impossible_values_are_named_with_what_is_allowed() {
+    for (part, replacement, words) in [
+        (
+            "gear_ratio = 50.0",
+            "gear_ratio = 0",
+            ["joint `elbow`", "gear_ratio = 0 must be above zero"],
+        ),
+        (
+            "gear_ratio = 50.0",
+            "gear_ratio = nan",
+            ["joint `elbow`", "gear_ratio = NaN must be above zero"],
+        ),
+        (
+            "mass_kg = 2\n",
+            "mass_kg = -2\n",
+            ["link `shoulder`", "mass_kg = -2 must be zero or above"],
+        ),
+        (
+            "mass_kg = 2\n",
+            "mass_kg = inf\n",
+            [
+                "link `shoulder`",
+                "mass_kg = inf must be zero or above and finite",
+            ],
+        ),
+        (
+            "[0, 2, 0]",
+            "[0, 0, 0]",
+            ["link `shoulder`", "must have a length above zero"],
+        ),
+        ("xx = 0.02,", "xx = 1.0,", ["link `shoulder`", "inertia"]),
+        (
+            "coulomb_nm = 1.0",
+            "coulomb_nm = nan",
+            ["joint `elbow`", "coulomb_nm = NaN must be a finite number"],
+        ),
+        (
+            "rate_hz = 1000.0",
+            "rate_hz = 0",
+            ["control", "rate_hz = 0 must be above zero"],
+        ),
+        (
+            "[10.0, 40.0]",
+            "[10.0]",
+            [
+                "control",
+                "proportional_nm_rad has 1 values, give one for each of the 2 joints",
+            ],
+        ),
+        (
+            "rate_hz = 1000.0",
+            "rate_hz = 300.0\nvelocity_filter_hz = 200",
+            ["control", "below half of rate_hz"],
+        ),
+        (
+            "name = \"bench\"",
+            "name = \" \"",
+            ["top level", "name must not be empty"],
+        ),
+        (
+            "name = \"bench\"",
+            "name = \"bench\"\nurdf = \"x.urdf\"",
+            ["top level", "both urdf and [[link]]"],
+        ),
+    ] {
+        assert_says(&refused(part, replacement), &words);
+    }
+}
+
+#[test]
+fn links_and_joints_must_match() {
+    let message = refused("name = \"elbow\"", "name = \"elbo\"");
+    assert_says(
+        &message,
+        &[
+            "joint `elbo`",
+            "no link moves with",
+            "did you mean `elbow`?",
+        ],
+    );
+    assert_says(
+        &refused("name = \"elbow\"", "name = \"shoulder\""),
+        &["two [[joint]] tables"],
+    );
+    assert_says(
+        &refused("joint = \"elbow\"", "joint = \"shoulder\""),
+        &["link `shoulder`", "two links"],
+    );
+    assert_says(
+        &refused("name = \"elbow\"", "name = \"el bow\""),
+        &["joint 1", "\"el bow\"", "spaces"],
+    );
+    let (start, rest) = BENCH.split_once("[[joint]]\nname = \"shoulder\"").unwrap();
+    let one_joint = format!("{start}{}", rest.split_once("[control]").map_or("", |_| ""));
+    let message = read(&one_joint).unwrap_err().to_string();
+    assert_says(
+        &message,
+        &["link `shoulder`", "has no [[joint]] table, add one"],
+    );
+}
+
+#[test]
+fn effects_of_one_kind_add_up_and_their_sum_must_be_possible() {
+    let stiffness = |values: &str| {
+        BENCH.replacen(
+            "{ effect = \"coulomb_friction\", coulomb_nm = 1.0 }",
+            values,
+            1,
+        )
+    };
+    let held = r#"{ effect = "torsional_compliance", stiffness_nm_rad = 8000.0 }"#;
+    let change =
+        |value: f64| format!("{{ effect = \"torsional_compliance\", stiffness_nm_rad = {value} }}");
+    assert!(read(&stiffness(&format!("{held}, {}", change(-1000.0)))).is_ok());
+    let message = read(&stiffness(&format!("{held}, {}", change(-9000.0))))
+        .unwrap_err()
+        .to_string();
+    assert_says(
+        &message,
+        &[
+            "torsional_compliance",
+            "stiffness_nm_rad = -1000 must be above zero",
+        ],
+    );
+    let shape =
+        r#"{ effect = "stribeck_friction", stribeck_nm = 1.0, stribeck_velocity_rad_s = 0 }"#;
+    assert_says(
+        &read(&stiffness(shape)).unwrap_err().to_string(),
+        &["stribeck_velocity_rad_s = 0 must be above zero"],
+    );
+    let incomplete = r#"{ effect = "thermal_friction_drift", time_constant_s = 60.0 }"#;
+    assert_says(
+        &read(&stiffness(incomplete)).unwrap_err().to_string(),
+        &["thermal_friction_drift", "change_nm"],
+    );
+}
+
+#[test]
+fn tables_are_read_and_checked() {
+    let with = |table: &str| {
+        BENCH.replacen(
+            "rotor_inertia_kg_m2 = 1.14e-5",
+            &format!("rotor_inertia_kg_m2 = 1e-5\n{table}"),
+            1,
+        )
+    };
+    let row = "{ slopes = [0.2, 4.0, 0.1], knees_nm = [-5.0, -3.0], zero_load_nm = 0.8 }";
+    let robot = read(&with(&format!(
+        "load_torque = {{ positive = {row}, negative = {row} }}"
+    )))
+    .unwrap();
+    assert_eq!(
+        robot.joints[0].load_torque.unwrap().positive.slopes,
+        [0.2, 4.0, 0.1]
+    );
+    let swapped = row.replace("-5.0, -3.0", "-3.0, -5.0");
+    let message = read(&with(&format!(
+        "load_torque = {{ positive = {row}, negative = {swapped} }}"
+    )))
+    .unwrap_err();
+    assert_says(
+        &message.to_string(),
+        &[
+            "joint `shoulder`",
+            "load_torque.negative.knees_nm",
+            "ascending, swap them",
+        ],
+    );
+    let row = "{ f0_nm = 3.0, fv_nm_s_rad = 1.0, fs_nm = 0.5, vc_rad_s = -0.1 }";
+    let message = read(&with(&format!(
+        "direction_friction = {{ positive = {row}, negative = {row} }}"
+    )))
+    .unwrap_err();
+    assert_says(
+        &message.to_string(),
+        &["direction_friction.positive.vc_rad_s = -0.1 must be above zero"],
+    );
+}
+
+#[test]
+fn a_robot_that_is_not_there_is_looked_for_among_the_shipped_ones() {
+    assert_says(
+        &load("pa01").unwrap_err().to_string(),
+        &[
+            "pa01: cannot be read",
+            "did you mean the shipped robot `pa10`?",
+        ],
+    );
+    assert_says(
+        &load("/nowhere/x.toml").unwrap_err().to_string(),
+        &["shipped robots pa10, shd17"],
+    );
+}
+
+#[test]
+fn injections_name_joint_effect_and_start() {
+    let robot = load("pa10").unwrap();
+    let text = r#"
+        [[effect]]
+        joint = "joint2"
+        effect = "stribeck_friction"
+        stribeck_nm = 4
+        stribeck_velocity_rad_s = 0.05
+        start_s = 5
+        [[effect]]
+        effect = "payload"
+        mass_kg = 2.0
+        centre_m = 0.1
+        [[effect]]
+        joint = "joint7"
+        effect = "base_tilt"
+        roll_rad = 0.01
+        pitch_rad = 0.0
+        [[effect]]
+        effect = "command_delay"
+        delay_s = 0.002
+    "#;
+    let injections = parse_injection(text, "inject.toml", &robot).unwrap();
+    assert_eq!(injections[0].joint, Some(1));
+    assert_eq!(injections[0].start_s, 5.0);
+    assert_eq!(
+        injections[1].effect,
+        Effect::Payload {
+            mass_kg: 2.0,
+            centre_m: [0.0, 0.0, 0.1]
+        }
+    );
+    assert!(
+        injections[1..]
+            .iter()
+            .all(|injection| injection.joint.is_none() && injection.start_s == 0.0)
+    );
+}
+
+#[test]
+fn bad_injections_are_refused_in_one_line() {
+    let robot = load("pa10").unwrap();
+    for (entry, words) in [
+        (
+            "joint = \"joint8\"\neffect = \"backlash\"\ngap_rad = 0.01",
+            &["effect 1 `backlash`", "`joint8`", "did you mean `joint"][..],
+        ),
+        (
+            "joint = \"joint1\"\neffect = \"backlsh\"\ngap_rad = 0.01",
+            &["`backlsh`", "did you mean `backlash`?"],
+        ),
+        (
+            "joint = \"joint1\"\neffect = \"backlash\"\ngap_rd = 0.01",
+            &["`gap_rd`", "did you mean `gap_rad`?"],
+        ),
+        (
+            "joint = \"joint1\"\neffect = \"backlash\"\ngap_rad = 0.01\nstart = 3",
+            &["`start`", "did you mean `start_s`?"],
+        ),
+        (
+            "joint = \"joint1\"\neffect = \"backlash\"\ngap_rad = -0.01",
+            &["gap_rad = -0.01 must be zero or above"],
+        ),
+        (
+            "joint = \"joint1\"\neffect = \"backlash\"\ngap_rad = 0.01\nstart_s = -1",
+            &["start_s = -1 must be zero"],
+        ),
+        (
+            "joint = \"joint1\"\neffect = \"backlash\"\ngap_rad = 0.01\nstart_s = \"now\"",
+            &["must be a number of seconds"],
+        ),
+        (
+            "joint = 1\neffect = \"backlash\"\ngap_rad = 0.01",
+            &["joint's name in quotes"],
+        ),
+        (
+            "effect = \"backlash\"\ngap_rad = 0.01",
+            &["joint is missing", "joint1"],
+        ),
+        (
+            "joint = \"joint1\"\neffect = \"backlash\"",
+            &["`gap_rad` is missing"],
+        ),
+        (
+            "joint = \"joint1\"\neffect = \"torsional_compliance\"\nstiffness_nm_rad = -60000.0",
+            &["stiffness_nm_rad"],
+        ),
+        ("joint = \"joint1\"", &["`effect` is missing"]),
+    ] {
+        let message = parse_injection(&format!("[[effect]]\n{entry}"), "inject.toml", &robot)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            !message.contains('\n') && message.starts_with("inject.toml"),
+            "{message}"
+        );
+        assert_says(&message, words);
+    }
+    assert_says(
+        &parse_injection("", "inject.toml", &robot)
+            .unwrap_err()
+            .to_string(),
+        &["no [[effect]] table"],
+    );
+    assert_says(
+        &parse_injection("[[effects]]", "i", &robot)
+            .unwrap_err()
+            .to_string(),
+        &["did you mean `effect`?"],
+    );
+}
+
+#[test]
+fn an_injected_stiffness_is_a_change_of_what_the_file_has() {
+    let robot = load("pa10").unwrap();
+    let text = "[[effect]]\njoint = \"joint1\"\neffect = \"torsional_compliance\"\nstiffness_nm_rad = -20000.0";
+    assert!(parse_injection(text, "inject.toml", &robot).is_ok());
+}
