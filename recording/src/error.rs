@@ -1,0 +1,354 @@
+//! What can go wrong with a file, in words that say where and what to change.
+
+use std::fmt;
+use std::io;
+use std::path::PathBuf;
+
+/// A file could not be read.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {problem}", path.display())]
+pub struct ReadError {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    pub problem: ReadProblem,
+}
+
+/// What is wrong with a file that could not be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReadProblem {
+    /// The operating system refused.
+    #[error("cannot be read: {0}")]
+    Io(#[from] io::Error),
+    /// Neither MCAP nor CSV.
+    #[error("is neither an MCAP recording nor named as a CSV log is (.csv, .tsv, .txt)")]
+    UnknownFormat,
+    /// Named `.mcap`, but something else.
+    #[error("is not an MCAP file, in spite of its name: it does not begin as one")]
+    NotMcap,
+    /// The recorder died before anything was written.
+    #[error(
+        "is an MCAP file that ends before its description of the recording; nothing was recorded"
+    )]
+    NothingRecorded,
+    /// Bytes that no MCAP writer writes.
+    #[error("is damaged at byte {offset}: {what}")]
+    Damaged {
+        /// Of the record in the file.
+        offset: u64,
+        /// What is wrong there.
+        what: String,
+    },
+    /// A compression this reader does not know.
+    #[error(
+        "has chunks compressed with `{compression}`; only lz4 and uncompressed chunks are read, so convert it first"
+    )]
+    UnknownCompression {
+        /// As the file names it.
+        compression: String,
+    },
+    /// An MCAP file of something else.
+    #[error("holds no channel of flexspline.JointCycle messages; its channels are {}", list(.channels))]
+    NoJoints {
+        /// Topic and schema of each.
+        channels: Vec<String>,
+    },
+    /// More joints than [`crate::JOINTS_MAX`].
+    #[error(
+        "holds {joints} joints or more; at most {} are read",
+        crate::JOINTS_MAX
+    )]
+    TooManyJoints {
+        /// How many were seen.
+        joints: usize,
+    },
+    /// A clock that jumped, or rows of several trajectories without a segment column.
+    #[error(
+        "{place}: time runs backwards, from {previous_s} s to {time_s} s; where a new trajectory begins, say so with a `segment` column"
+    )]
+    TimeBackwards {
+        /// Line or cycle.
+        place: Place,
+        /// Of the row before.
+        previous_s: f64,
+        /// Of this row.
+        time_s: f64,
+    },
+    /// An infinite value.
+    #[error("{place}: {column} is {value}; a value that is not there is left empty")]
+    NotFinite {
+        /// Line or cycle.
+        place: Place,
+        /// The column's name.
+        column: String,
+        /// As read.
+        value: f64,
+    },
+    /// Nothing says how fast it was recorded.
+    #[error("has {rows} rows, from which no sample rate can be told; give `sample_rate_hz` in {}", source_of_rate.display())]
+    SampleRateUnknown {
+        /// How many there are.
+        rows: usize,
+        /// The file that could say.
+        source_of_rate: PathBuf,
+    },
+    /// An empty file.
+    #[error("is empty; its first line must name the columns")]
+    NoHeader,
+    /// A log without column names.
+    #[error("begins with numbers; its first line must name the columns")]
+    HeaderOfNumbers,
+    /// No column is a signal.
+    #[error(
+        "no column is named JOINT.SIGNAL, and {} does not say which column is which signal; its columns are {}",
+        mapping.display(), list(.columns)
+    )]
+    NoSignals {
+        /// The mapping file that could say.
+        mapping: PathBuf,
+        /// What the header line holds.
+        columns: Vec<String>,
+    },
+    /// A mapped column is not there.
+    #[error("has no column `{column}`, which `{key}` in the mapping file asks for{}", did_you_mean(.nearest))]
+    NoColumn {
+        /// The key in the mapping file.
+        key: String,
+        /// The column it names.
+        column: String,
+        /// The column that looks most like it.
+        nearest: Option<String>,
+    },
+    /// Two columns of one name.
+    #[error("has two columns named `{column}`; rename one")]
+    AmbiguousColumn {
+        /// The name.
+        column: String,
+    },
+    /// A row of another length than the header.
+    #[error("line {line}: {fields} fields where the header names {columns}")]
+    RowLength {
+        /// Counted from 1.
+        line: u64,
+        /// In this row.
+        fields: u64,
+        /// In the header.
+        columns: u64,
+    },
+    /// A cell that is no number.
+    #[error(
+        "line {line}, column `{column}`: `{cell}` is not a number (a decimal point is expected, no unit)"
+    )]
+    NotANumber {
+        /// Counted from 1.
+        line: u64,
+        /// The header's name.
+        column: String,
+        /// What is there.
+        cell: String,
+    },
+    /// A segment that is no integer.
+    #[error("line {line}, column `{column}`: `{cell}` is not an integer, which a segment is")]
+    NotAnInteger {
+        /// Counted from 1.
+        line: u64,
+        /// The header's name.
+        column: String,
+        /// What is there.
+        cell: String,
+    },
+    /// A row without a time.
+    #[error("line {line}: no time in column `{column}`")]
+    NoTime {
+        /// Counted from 1.
+        line: u64,
+        /// The time column's name.
+        column: String,
+    },
+    /// Neither a time column nor a sample rate.
+    #[error("has no column `time_s`; name the time column in {} (`[columns]`, `time_s = \"…\"`) or give `sample_rate_hz` there", mapping.display())]
+    NoTimeColumn {
+        /// The mapping file that could say.
+        mapping: PathBuf,
+    },
+    /// The mapping file is wrong.
+    #[error("its mapping file {}: {problem}", mapping.display())]
+    Mapping {
+        /// The mapping file.
+        mapping: PathBuf,
+        /// What is wrong with it.
+        problem: MappingProblem,
+    },
+}
+
+/// What is wrong with a mapping file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MappingProblem {
+    /// The operating system refused.
+    #[error("cannot be read: {0}")]
+    Io(io::Error),
+    /// Not TOML.
+    #[error("is not TOML: {0}")]
+    Toml(String),
+    /// A key that means nothing here.
+    #[error("unknown key `{key}`{}", did_you_mean(.nearest))]
+    UnknownKey {
+        /// With the tables around it.
+        key: String,
+        /// The known key that looks most like it.
+        nearest: Option<String>,
+    },
+    /// A value of the wrong kind.
+    #[error("`{key}` must be {expected}")]
+    WrongValue {
+        /// With the tables around it.
+        key: String,
+        /// What belongs there.
+        expected: &'static str,
+    },
+}
+
+/// A recording could not be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum WriteError {
+    /// The operating system refused: no space, no permission.
+    #[error("cannot write {}: {cause}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        cause: io::Error,
+    },
+    /// The MCAP writer refused.
+    #[error("cannot write {}: {cause}", path.display())]
+    Mcap {
+        /// The file.
+        path: PathBuf,
+        /// What it said.
+        cause: mcap::McapError,
+    },
+    /// A joint name that a topic or a list of names cannot hold.
+    #[error("joint name `{name}` {problem}")]
+    JointName {
+        /// The name.
+        name: String,
+        /// What is wrong with it.
+        problem: &'static str,
+    },
+    /// More joints than [`crate::JOINTS_MAX`].
+    #[error("{joints} joints; a recording holds at most {}", crate::JOINTS_MAX)]
+    TooManyJoints {
+        /// How many were given.
+        joints: usize,
+    },
+    /// A sample rate that is none.
+    #[error("a sample rate of {sample_rate_hz} Hz; it must be positive")]
+    SampleRate {
+        /// As given.
+        sample_rate_hz: f64,
+    },
+    /// A row for another robot.
+    #[error("cycle {cycle} holds {given} joints where the recording has {expected}")]
+    JointCount {
+        /// Of the row.
+        cycle: u64,
+        /// In the row.
+        given: usize,
+        /// In the recording.
+        expected: usize,
+    },
+    /// A row from before the one written last.
+    #[error(
+        "cycle {cycle} is of {time_ns} ns, before the last one written, of {previous_ns} ns, in the same segment"
+    )]
+    TimeBackwards {
+        /// Of the row.
+        cycle: u64,
+        /// Of the row.
+        time_ns: u64,
+        /// Of the last row.
+        previous_ns: u64,
+    },
+    /// A time that MCAP cannot hold.
+    #[error("row {row} is of {time_s} s; MCAP times are from 0 to 1.8e10 s, so shift them")]
+    TimeOutOfRange {
+        /// Counted from 0.
+        row: usize,
+        /// Of the row.
+        time_s: f64,
+    },
+    /// A table whose columns do not fit together.
+    #[error("column {column} holds {length} values where the table has {rows} rows")]
+    ColumnLength {
+        /// Its name.
+        column: String,
+        /// Its length.
+        length: usize,
+        /// The length of `time_s`.
+        rows: usize,
+    },
+}
+
+/// Where in a file a row is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Of a CSV log, counted from 1.
+    Line(u64),
+    /// Of an MCAP recording.
+    Cycle(u64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(line) => write!(f, "line {line}"),
+            Self::Cycle(cycle) => write!(f, "cycle {cycle}"),
+        }
+    }
+}
+
+/// The candidate most like `name`, unless none is.
+pub(crate) fn nearest<'a>(
+    name: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+) -> Option<String> {
+    // Below this similarity a suggestion misleads more often than it helps.
+    const ALIKE: f64 = 0.5;
+    candidates
+        .into_iter()
+        .map(|candidate| {
+            (
+                strsim::normalized_damerau_levenshtein(name, candidate),
+                candidate,
+            )
+        })
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .filter(|(similarity, _)| *similarity >= ALIKE)
+        .map(|(_, candidate)| candidate.to_owned())
+}
+
+fn did_you_mean(nearest: &Option<String>) -> String {
+    nearest.as_ref().map_or_else(String::new, |nearest| {
+        format!("; did you mean `{nearest}`?")
+    })
+}
+
+/// Names in backticks, the first few of many.
+pub(crate) fn list(names: &[String]) -> String {
+    const SHOWN: usize = 12;
+    if names.is_empty() {
+        return "none".to_owned();
+    }
+    let mut shown: Vec<_> = names
+        .iter()
+        .take(SHOWN)
+        .map(|name| format!("`{name}`"))
+        .collect();
+    if names.len() > SHOWN {
+        shown.push(format!("{} more", names.len() - SHOWN));
+    }
+    shown.join(", ")
+}

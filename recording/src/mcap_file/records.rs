@@ -1,0 +1,218 @@
+//! The records of an MCAP file in order, those inside chunks included.
+//!
+//! The file is taken for what it may be: cut short or damaged. No length in it is believed before it is held
+//! against the bytes that are there. Format: <https://mcap.dev/spec>.
+
+use super::op;
+use crate::ReadProblem;
+use mcap::parse_record;
+use mcap::records::{ChunkHeader, Record};
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::path::Path;
+
+/// A record's first bytes: what it is and how long.
+const RECORD_HEAD: usize = 1 + 8;
+/// LZ4 shrinks no more than this (one length byte stands for 255), plus a frame's fixed part.
+const LZ4_GROWTH: u64 = 256;
+/// What a file ends with: the magic it began with.
+const MAGIC: &[u8] = mcap::MAGIC;
+
+/// Reads records from the file, a chunk at a time.
+pub(super) struct Records {
+    file: BufReader<File>,
+    /// Of the next record.
+    offset: u64,
+    /// When the file was opened: a recorder may still be writing.
+    length: u64,
+    /// The record read last.
+    body: Vec<u8>,
+    /// The records of the chunk read last.
+    chunk: Vec<u8>,
+    /// How far the chunk was read.
+    chunk_read: usize,
+    chunk_offset: u64,
+}
+
+/// What comes next.
+pub(super) enum Next<'a> {
+    Record {
+        offset: u64,
+        record: Record<'a>,
+    },
+    /// The file ends, as a finished one does or in the middle.
+    End {
+        whole: bool,
+    },
+}
+
+impl Records {
+    /// Opens a file that begins with the magic bytes.
+    pub(super) fn open(path: &Path) -> io::Result<Self> {
+        let file = File::open(path)?;
+        let length = file.metadata()?.len();
+        let mut file = BufReader::new(file);
+        file.read_exact(&mut [0; MAGIC.len()])?;
+        let offset = MAGIC.len() as u64;
+        Ok(Self {
+            file,
+            offset,
+            length,
+            body: Vec::new(),
+            chunk: Vec::new(),
+            chunk_read: 0,
+            chunk_offset: offset,
+        })
+    }
+
+    /// The next record that tells something about rows.
+    pub(super) fn next(&mut self) -> Result<Next<'_>, ReadProblem> {
+        let (opcode, place) = loop {
+            if self.chunk_read < self.chunk.len() {
+                let (opcode, body) = record_in_chunk(&self.chunk, &mut self.chunk_read)
+                    .ok_or_else(|| {
+                        damaged(self.chunk_offset, "a record runs past its chunk's end")
+                    })?;
+                if is_wanted(opcode) {
+                    break (opcode, Source::Chunk(body));
+                }
+                continue;
+            }
+            let offset = self.offset;
+            let Some(opcode) = self.read_record()? else {
+                return Ok(Next::End { whole: false });
+            };
+            match opcode {
+                op::CHUNK => self.open_chunk(offset)?,
+                op::DATA_END => {
+                    return Ok(Next::End {
+                        whole: self.ends_whole()?,
+                    });
+                }
+                opcode if is_wanted(opcode) => break (opcode, Source::File(offset)),
+                0 => return Err(damaged(offset, "no record begins with a zero byte")),
+                _ => {}
+            }
+        };
+        let (offset, body) = match place {
+            Source::Chunk(body) => (self.chunk_offset, &self.chunk[body]),
+            Source::File(offset) => (offset, &self.body[..]),
+        };
+        let record = parse_record(opcode, body).map_err(|error| damaged(offset, error))?;
+        Ok(Next::Record { offset, record })
+    }
+
+    /// Reads one record into `body` and tells what it is, unless the file ends within it.
+    fn read_record(&mut self) -> Result<Option<u8>, ReadProblem> {
+        let left = self.length - self.offset;
+        let mut head = [0; RECORD_HEAD];
+        if left < head.len() as u64 {
+            return Ok(None);
+        }
+        self.file.read_exact(&mut head)?;
+        let (opcode, length) = split_head(head);
+        if length > left - head.len() as u64 {
+            return Ok(None);
+        }
+        self.body.clear();
+        (&mut self.file).take(length).read_to_end(&mut self.body)?;
+        self.offset += head.len() as u64 + length;
+        // Shorter only if somebody cut the file while we were reading it.
+        Ok((self.body.len() as u64 == length).then_some(opcode))
+    }
+
+    /// Unpacks the chunk in `body`.
+    fn open_chunk(&mut self, offset: u64) -> Result<(), ReadProblem> {
+        let Record::Chunk { header, data } =
+            parse_record(op::CHUNK, &self.body).map_err(|error| damaged(offset, error))?
+        else {
+            return Err(damaged(offset, "a chunk that is none"));
+        };
+        self.chunk.clear();
+        self.chunk_read = 0;
+        self.chunk_offset = offset;
+        match header.compression.as_str() {
+            "" => self.chunk.extend_from_slice(&data),
+            "lz4" => {
+                unpack_lz4(&header, &data, &mut self.chunk).map_err(|what| damaged(offset, what))?
+            }
+            _ => {
+                return Err(ReadProblem::UnknownCompression {
+                    compression: header.compression,
+                });
+            }
+        }
+        if self.chunk.len() as u64 != header.uncompressed_size {
+            return Err(damaged(offset, "a chunk's size is not what it says"));
+        }
+        // A sum of zero means that the writer made none.
+        if header.uncompressed_crc != 0 && crc32fast::hash(&self.chunk) != header.uncompressed_crc {
+            return Err(damaged(offset, "a chunk's checksum is wrong"));
+        }
+        Ok(())
+    }
+
+    /// Whether the file goes on to its last bytes as a finished one does.
+    fn ends_whole(&mut self) -> Result<bool, ReadProblem> {
+        let mut last = None;
+        while last != Some(op::FOOTER) {
+            last = self.read_record()?;
+            if last.is_none() {
+                return Ok(false);
+            }
+        }
+        let mut end = Vec::with_capacity(MAGIC.len());
+        (&mut self.file)
+            .take(MAGIC.len() as u64)
+            .read_to_end(&mut end)?;
+        Ok(end == MAGIC)
+    }
+}
+
+enum Source {
+    Chunk(std::ops::Range<usize>),
+    File(u64),
+}
+
+/// A file that is damaged at the record of that offset.
+pub(super) fn damaged(offset: u64, what: impl ToString) -> ReadProblem {
+    ReadProblem::Damaged {
+        offset,
+        what: what.to_string(),
+    }
+}
+
+/// Others are indexes and attachments, which hold no rows.
+fn is_wanted(opcode: u8) -> bool {
+    matches!(
+        opcode,
+        op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA
+    )
+}
+
+fn split_head(head: [u8; RECORD_HEAD]) -> (u8, u64) {
+    let [opcode, length @ ..] = head;
+    (opcode, u64::from_le_bytes(length))
+}
+
+/// What the next record of a chunk is and where its body is, unless it runs past the end.
+fn record_in_chunk(chunk: &[u8], read: &mut usize) -> Option<(u8, std::ops::Range<usize>)> {
+    let (opcode, length) = split_head(*chunk[*read..].first_chunk()?);
+    let start = *read + RECORD_HEAD;
+    let end = start.checked_add(usize::try_from(length).ok()?)?;
+    *read = end;
+    (end <= chunk.len()).then_some((opcode, start..end))
+}
+
+fn unpack_lz4(header: &ChunkHeader, data: &[u8], chunk: &mut Vec<u8>) -> Result<(), String> {
+    if header.uncompressed_size > LZ4_GROWTH * data.len() as u64 {
+        return Err("a chunk says that it unpacks to more than it can".to_owned());
+    }
+    let decoder = lz4::Decoder::new(data).map_err(|error| error.to_string())?;
+    // One byte more than promised shows a chunk that holds more.
+    decoder
+        .take(header.uncompressed_size + 1)
+        .read_to_end(chunk)
+        .map_err(|error| error.to_string())?;
+    Ok(())
+}

@@ -1,0 +1,264 @@
+//! Logs that others wrote.
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use recording::{Recording, Signal, read};
+use std::f64::consts::PI;
+use std::path::{Path, PathBuf};
+
+struct Log(tempfile::TempDir);
+
+impl Log {
+    fn new(csv: impl AsRef<[u8]>) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("log.csv"), csv).unwrap();
+        Self(folder)
+    }
+
+    fn mapped(self, mapping: &str) -> Self {
+        std::fs::write(self.0.path().join("log.toml"), mapping).unwrap();
+        self
+    }
+
+    fn read(&self) -> Recording {
+        read(&self.0.path().join("log.csv")).unwrap()
+    }
+
+    /// Without the file's name before it.
+    fn refusal(&self) -> String {
+        let error = read(&self.0.path().join("log.csv")).unwrap_err();
+        error
+            .problem
+            .to_string()
+            .replace(&format!("{}/", self.0.path().display()), "")
+    }
+}
+
+#[test]
+fn contract_names_need_no_mapping() {
+    let log =
+        Log::new("time_s,segment,elbow.motor_torque_nm,other\n0,1,2.5,x\n0.5,1,,y\n0,2.0,nan,\n");
+    let recording = log.read();
+    assert_eq!(recording.time_s, [0.0, 0.5, 0.0]);
+    assert_eq!(recording.segment.as_deref(), Some(&[1, 1, 2][..]));
+    let torque_nm = recording.signal("elbow", Signal::MotorTorqueNm).unwrap();
+    assert_eq!(torque_nm[0], 2.5);
+    assert!(torque_nm[1].is_nan() && torque_nm[2].is_nan());
+    assert_eq!(recording.sample_rate_hz, 2.0);
+}
+
+#[test]
+fn a_mapping_scales_and_shifts() {
+    let log = Log::new("t,q,i\n10,180,1\n20,0,2\n").mapped(
+        "[columns]\ntime_s = { column = 't', scale = 1e-3 }\n[joint.j]\nmotor_current_a = 'i'\n\
+         link_position_rad = { column = 'q', scale = -0.5, offset = 1 }",
+    );
+    let recording = log.read();
+    assert_eq!(recording.time_s, [0.01, 0.02]);
+    assert_eq!(
+        recording.signal("j", Signal::LinkPositionRad).unwrap(),
+        [-89.0, 1.0]
+    );
+    assert_eq!(
+        recording.signal("j", Signal::MotorCurrentA).unwrap(),
+        [1.0, 2.0]
+    );
+}
+
+#[test]
+fn a_mapping_adds_to_the_columns_that_have_their_names_and_wins_over_them() {
+    let log = Log::new("time_s,j.motor_torque_nm,j.motor_current_a,raw\n0,1,2,3\n1,1,2,3\n")
+        .mapped("[joint.j]\nmotor_current_a = 'raw'");
+    let recording = log.read();
+    assert_eq!(
+        recording.signal("j", Signal::MotorTorqueNm).unwrap(),
+        [1.0, 1.0]
+    );
+    assert_eq!(
+        recording.signal("j", Signal::MotorCurrentA).unwrap(),
+        [3.0, 3.0]
+    );
+}
+
+#[test]
+fn a_told_rate_stands_in_for_a_time_column_and_goes_before_the_shown_one() {
+    let untimed = Log::new("j.motor_torque_nm\n1\n2\n3\n").mapped("sample_rate_hz = 4");
+    assert_eq!(untimed.read().time_s, [0.0, 0.25, 0.5]);
+    let timed = Log::new("time_s,j.motor_torque_nm\n0,1\n1,2\n").mapped("sample_rate_hz = 4");
+    let recording = timed.read();
+    assert_eq!((recording.time_s[1], recording.sample_rate_hz), (1.0, 4.0));
+}
+
+#[test]
+fn other_separators_line_ends_marks_and_quotes_are_taken_as_they_come() {
+    for csv in [
+        "time_s;j.motor_torque_nm\r\n0;1\r\n1;2\r\n",
+        "time_s\tj.motor_torque_nm\n0\t1\n\n1\t2",
+        "\u{feff}time_s ,\"j.motor_torque_nm\"\n0, 1\n\"1\",\t2e0 \n",
+    ] {
+        let recording = Log::new(csv).read();
+        assert_eq!(recording.time_s, [0.0, 1.0]);
+        assert_eq!(
+            recording.signal("j", Signal::MotorTorqueNm).unwrap(),
+            [1.0, 2.0]
+        );
+    }
+    let latin_1 = Log::new(b"time_s,j.motor_torque_nm,q [\xb0]\n0,1,2\n1,1,2\n");
+    assert_eq!(latin_1.read().rows(), 2);
+}
+
+#[test]
+fn refusals_say_where_and_what_to_change() {
+    let header = "time_s,segment,j.motor_torque_nm\n";
+    let refusal = |lines: &str| Log::new(header.to_owned() + lines).refusal();
+    assert_eq!(
+        refusal("0,0,1\n1,0,1.5 Nm\n"),
+        "line 3, column `j.motor_torque_nm`: `1.5 Nm` is not a number (a decimal point is expected, no unit)"
+    );
+    assert!(
+        refusal("0,0,1\n1,0.5,1\n")
+            .starts_with("line 3, column `segment`: `0.5` is not an integer")
+    );
+    assert!(
+        refusal("1,0,1\n0.5,0,1\n").starts_with("line 3: time runs backwards, from 1 s to 0.5 s")
+    );
+    assert_eq!(
+        refusal("0,0,1\n,0,1\n"),
+        "line 3: no time in column `time_s`"
+    );
+    assert_eq!(
+        refusal("0,0,1\n1,0\n"),
+        "line 3: 2 fields where the header names 3"
+    );
+    assert!(refusal("0,0,1\n1,0,inf\n").starts_with("line 3: j.motor_torque_nm is inf"));
+    assert!(refusal("0,0,1\n").starts_with(
+        "has 1 rows, from which no sample rate can be told; give `sample_rate_hz` in log.toml"
+    ));
+    assert!(Log::new("").refusal().starts_with("is empty"));
+    assert!(
+        Log::new("0.1,0.2\n0.3,0.4\n")
+            .refusal()
+            .starts_with("begins with numbers")
+    );
+    assert!(
+        Log::new("j.motor_torque_nm\n1\n")
+            .refusal()
+            .starts_with("has no column `time_s`; name the time column in log.toml")
+    );
+    assert_eq!(
+        Log::new("time_s,q\n0,1\n").refusal(),
+        "no column is named JOINT.SIGNAL, and log.toml does not say which column is which signal; \
+         its columns are `time_s`, `q`"
+    );
+    let twice = Log::new("time_s,q,q\n0,1,2\n").mapped("[joint.j]\nmotor_torque_nm = 'q'");
+    assert_eq!(twice.refusal(), "has two columns named `q`; rename one");
+}
+
+#[test]
+fn refusals_of_a_mapping_say_where_and_what_to_change() {
+    let log = |mapping: &str| {
+        Log::new("time_s,axis1_torque_nm\n0,1\n1,1\n")
+            .mapped(mapping)
+            .refusal()
+    };
+    assert_eq!(
+        log("[joint.j]\nmotor_torque_nm = 'axis_torque_nm'"),
+        "has no column `axis_torque_nm`, which `joint.j.motor_torque_nm` in the mapping file asks for; \
+         did you mean `axis1_torque_nm`?"
+    );
+    assert_eq!(
+        log("[joint.j]\nmotor_torqe_nm = 'axis1_torque_nm'"),
+        "its mapping file log.toml: unknown key `joint.j.motor_torqe_nm`; did you mean `motor_torque_nm`?"
+    );
+}
+
+/// The folder of real robots' logs, kept outside the project.
+fn real_logs() -> Option<PathBuf> {
+    let folder = std::env::var_os("FLEXSPLINE_REALDATA").map(PathBuf::from);
+    if folder.is_none() {
+        eprintln!("skipped: FLEXSPLINE_REALDATA does not name the folder of real logs");
+    }
+    folder
+}
+
+/// Six axes at 250 Hz for 10 s; motor positions and velocities are already behind the gear, in degrees.
+fn kuka_mapping() -> String {
+    const GEAR_RATIOS: [f64; 6] = [
+        1798.0 / 7.0,
+        1872.0 / 7.0,
+        757.0 / 3.0,
+        221.0,
+        5032.0 / 21.0,
+        206_793.0 / 1340.0,
+    ];
+    let degree_rad = PI / 180.0;
+    let mut mapping = String::new();
+    for (index, gear_ratio) in GEAR_RATIOS.into_iter().enumerate() {
+        let axis = index + 1;
+        mapping += &format!("[joint.axis{axis}]\n");
+        let mut add = |signal: &str, column: &str, scale: f64| {
+            mapping +=
+                &format!("{signal} = {{ column = \"axis{axis}_{column}\", scale = {scale:?} }}\n");
+        };
+        add(
+            "motor_position_rad",
+            "motor_position_deg",
+            gear_ratio * degree_rad,
+        );
+        add(
+            "motor_velocity_rad_s",
+            "motor_velocity_deg_s",
+            gear_ratio * degree_rad,
+        );
+        add("motor_torque_nm", "motor_torque_nm", 1.0);
+        add(
+            "reference_position_rad",
+            "reference_position_deg",
+            degree_rad,
+        );
+        if axis <= 3 {
+            add("link_position_rad", "link_position_deg", degree_rad);
+        }
+    }
+    mapping
+}
+
+fn read_kuka(folder: &Path) -> Recording {
+    let csv = std::fs::read(folder.join("kuka_kr300/trajectory_a.csv")).unwrap();
+    Log::new(csv).mapped(&kuka_mapping()).read()
+}
+
+#[test]
+fn an_industrial_robots_log_is_read_through_its_mapping() {
+    let Some(folder) = real_logs() else { return };
+    let recording = read_kuka(&folder);
+    assert!(
+        (recording.sample_rate_hz - 250.0).abs() < 1e-6,
+        "{}",
+        recording.sample_rate_hz
+    );
+    assert!(
+        (2400..=2600).contains(&recording.rows()),
+        "{}",
+        recording.rows()
+    );
+    let names: Vec<_> = recording.joint_names().collect();
+    assert_eq!(
+        names,
+        ["axis1", "axis2", "axis3", "axis4", "axis5", "axis6"]
+    );
+    assert!(recording.signal("axis4", Signal::LinkPositionRad).is_err());
+    // Motor and link of one joint say the same but for the gear's windup.
+    let link_rad = recording.signal("axis1", Signal::LinkPositionRad).unwrap();
+    let motor_rad = recording.signal("axis1", Signal::MotorPositionRad).unwrap();
+    assert!((motor_rad[0] - 0.059_679_002_4 * PI / 180.0 * 1798.0 / 7.0).abs() < 1e-12);
+    let apart = link_rad
+        .iter()
+        .zip(motor_rad)
+        .map(|(link, motor)| (link - motor / (1798.0 / 7.0)).abs());
+    let apart_rad = apart.fold(0.0, f64::max);
+    let reach_rad = link_rad
+        .iter()
+        .copied()
+        .fold(0.0, |reach: f64, link| reach.max(link.abs()));
+    assert!(apart_rad < 0.02 * reach_rad, "{apart_rad} of {reach_rad}");
+}
