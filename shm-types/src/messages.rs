@@ -1,0 +1,387 @@
+//! The messages: plain data, no pointers, one layout for every process.
+//!
+//! SI units. `motor_` is before the gear, `link_` and `joint_` after it; positive about the joint's axis on both
+//! sides. Arrays hold [`JOINTS_MAX`] joints, of which the first `joint_count` are meant; a signal a robot does not
+//! have is NaN. What arrives was written by another process and is checked before use ([`Header::check`]).
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::JOINTS_MAX;
+
+/// One value per joint.
+pub type PerJoint = [f64; JOINTS_MAX];
+
+/// A signal no joint has.
+pub const ABSENT: PerJoint = [f64::NAN; JOINTS_MAX];
+
+/// What every message begins with: which run and which cycle it belongs to.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ZeroCopySend)]
+#[type_name("FlexsplineHeader")]
+pub struct Header {
+    /// The run this message belongs to; a process left over from an earlier run has another.
+    pub session: u64,
+    /// Control cycle of the measurement the message is based on. Counts every period since the start, skipped ones too.
+    pub cycle: u64,
+    /// Monotonic clock at that measurement (virtual time in lockstep).
+    pub measured_at_ns: u64,
+    /// How many joints the arrays hold.
+    pub joint_count: u64,
+}
+
+/// Why a message cannot be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// It belongs to another run.
+    Session,
+    /// It carries another number of joints.
+    JointCount,
+    /// It answers an older measurement than the one it should answer.
+    OldCycle,
+    /// It answers a measurement that has not been made.
+    FutureCycle,
+}
+
+impl Header {
+    /// Checks that a message belongs to this run and robot.
+    ///
+    /// # Errors
+    /// [`Refusal::Session`] or [`Refusal::JointCount`].
+    pub fn check(&self, session: u64, joint_count: usize) -> Result<(), Refusal> {
+        if self.session != session {
+            return Err(Refusal::Session);
+        }
+        if self.joint_count != joint_count as u64 {
+            return Err(Refusal::JointCount);
+        }
+        Ok(())
+    }
+
+    /// Checks that an answer belongs to the measurement of `asked` and no other.
+    ///
+    /// # Errors
+    /// [`Refusal`], the first that applies.
+    pub fn answers(&self, asked: &Header) -> Result<(), Refusal> {
+        self.check(asked.session, asked.joint_count as usize)?;
+        match self.cycle.cmp(&asked.cycle) {
+            std::cmp::Ordering::Less => Err(Refusal::OldCycle),
+            std::cmp::Ordering::Greater => Err(Refusal::FutureCycle),
+            std::cmp::Ordering::Equal => Ok(()),
+        }
+    }
+}
+
+/// What the drives measured, latched at one instant.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[type_name("FlexsplineReadings")]
+pub struct Readings {
+    /// Before the gear.
+    pub motor_position_rad: PerJoint,
+    /// Before the gear, where the drive measures it itself.
+    pub motor_velocity_rad_s: PerJoint,
+    /// After the gear.
+    pub link_position_rad: PerJoint,
+    /// After the gear, where the drive measures it itself.
+    pub link_velocity_rad_s: PerJoint,
+    /// Torque the drive reports (current times torque constant), motor side.
+    pub motor_torque_nm: PerJoint,
+    /// A torque sensor at the gear's output.
+    pub joint_torque_nm: PerJoint,
+    /// Motor current.
+    pub motor_current_a: PerJoint,
+    /// Motor or gear temperature in degrees Celsius.
+    pub temperature_c: PerJoint,
+}
+
+impl Default for Readings {
+    /// No signal at all.
+    fn default() -> Self {
+        Self {
+            motor_position_rad: ABSENT,
+            motor_velocity_rad_s: ABSENT,
+            link_position_rad: ABSENT,
+            link_velocity_rad_s: ABSENT,
+            motor_torque_nm: ABSENT,
+            joint_torque_nm: ABSENT,
+            motor_current_a: ABSENT,
+            temperature_c: ABSENT,
+        }
+    }
+}
+
+/// What a drive shall do in the coming period.
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DriveMode {
+    /// No torque, brakes closed.
+    #[default]
+    Braked = 0,
+    /// The drive's own damping: motor terminals shorted or an equal law; no commanded torque.
+    Damping = 1,
+    /// Commanded motor torque.
+    Torque = 2,
+    /// Commanded joint velocity, held by the drive's own loop.
+    Velocity = 3,
+}
+
+impl DriveMode {
+    /// The mode a number from shared memory stands for.
+    pub fn from_raw(raw: u32) -> Option<Self> {
+        [Self::Braked, Self::Damping, Self::Torque, Self::Velocity]
+            .into_iter()
+            .find(|mode| *mode as u32 == raw)
+    }
+}
+
+/// Loop to drives: what to do from the next latch on.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[type_name("FlexsplineDriveCommand")]
+pub struct DriveCommand {
+    /// Cycle of the sample the command was computed from.
+    pub header: Header,
+    /// A [`DriveMode`] as a number; anything else is refused by the drive.
+    pub mode: u32,
+    /// Not used; zero.
+    pub reserved: u32,
+    /// Motor side; for [`DriveMode::Torque`].
+    pub motor_torque_nm: PerJoint,
+    /// Joint side; for [`DriveMode::Velocity`].
+    pub joint_velocity_rad_s: PerJoint,
+}
+
+/// Drives to loop: what was measured, and how the drives are.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[type_name("FlexsplineDriveSample")]
+pub struct DriveSample {
+    /// Cycle and instant of the latch.
+    pub header: Header,
+    /// The measurement.
+    pub readings: Readings,
+    /// Latches in a row for which the drives had no fresh command.
+    pub commands_missed: u32,
+    /// A [`DriveMode`] as a number: what the drives are really doing.
+    pub mode: u32,
+}
+
+/// What the loop is doing.
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum LoopState {
+    /// Waiting for the drives' first sample; brakes closed.
+    #[default]
+    Initialising = 0,
+    /// Samples flow; waiting for the first command; brakes closed.
+    Ready = 1,
+    /// A fresh command in every cycle.
+    Running = 2,
+    /// The command is missing; the last one is held.
+    Holding = 3,
+    /// The command has been missing for longer; joints are damped without a model.
+    Damping = 4,
+    /// Stopped for good; brakes closed until the next start.
+    SafeStop = 5,
+}
+
+impl LoopState {
+    /// Every state, in the order of their numbers.
+    pub const ALL: [Self; 6] = [
+        Self::Initialising,
+        Self::Ready,
+        Self::Running,
+        Self::Holding,
+        Self::Damping,
+        Self::SafeStop,
+    ];
+
+    /// The state a number from shared memory stands for.
+    pub fn from_raw(raw: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|state| *state as u32 == raw)
+    }
+}
+
+/// Loop to services: the measurement of this cycle, to be answered with a [`Command`] of the same cycle.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[type_name("FlexsplineSensorSample")]
+pub struct SensorSample {
+    /// Cycle and instant of the latch.
+    pub header: Header,
+    /// Where the trajectory stands; it waits while the loop is not running.
+    pub motion_time_ns: u64,
+    /// How fast the trajectory advances, 0 to 1; reference velocities scale with it.
+    pub motion_rate: f64,
+    /// A [`LoopState`] as a number.
+    pub state: u32,
+    /// Not used; zero.
+    pub reserved: u32,
+    /// The measurement.
+    pub readings: Readings,
+}
+
+/// Feedforward to loop: the torque for the cycle whose sample it answers, and what it was made of.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[type_name("FlexsplineCommand")]
+pub struct Command {
+    /// Cycle and instant of the sample it was computed from.
+    pub header: Header,
+    /// The torque asked for, motor side.
+    pub motor_torque_nm: PerJoint,
+    /// Of that, what the model gave, motor side.
+    pub feedforward_torque_nm: PerJoint,
+    /// Of that, what the feedback gave, motor side.
+    pub feedback_torque_nm: PerJoint,
+    /// Where the joint should be, joint side.
+    pub reference_position_rad: PerJoint,
+    /// How fast it should move, joint side.
+    pub reference_velocity_rad_s: PerJoint,
+    /// How it should accelerate, joint side.
+    pub reference_acceleration_rad_s2: PerJoint,
+}
+
+/// Estimator to whoever wants it: joint torque without a torque sensor. NaN where a joint lacks what it takes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[type_name("FlexsplineTorqueEstimate")]
+pub struct TorqueEstimate {
+    /// Cycle and instant of the sample it was computed from.
+    pub header: Header,
+    /// Motor torque minus the model's friction and rotor inertia, joint side.
+    pub residual_torque_nm: PerJoint,
+    /// From the rate of the gear's torsion (structural damping), joint side; needs a link encoder.
+    pub structural_damping_torque_nm: PerJoint,
+}
+
+/// Loop to observers: how the cycle went. Sent last in every cycle.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[type_name("FlexsplineLoopStatus")]
+pub struct LoopStatus {
+    /// The cycle this is about.
+    pub header: Header,
+    /// A [`LoopState`] as a number.
+    pub state: u32,
+    /// Why the loop left [`LoopState::Running`] last, as the loop's fault code; 0 if it never did.
+    pub fault: u32,
+    /// Joints whose command was limited in this cycle, one bit each.
+    pub limited_joints: u64,
+    /// Late by this much against the planned instant.
+    pub wakeup_lateness_ns: u64,
+    /// The loop's own work in this cycle, waiting not counted.
+    pub compute_ns: u64,
+    /// From publishing the sample to holding its command; 0 if none came.
+    pub command_latency_ns: u64,
+    /// Reading from and writing to the drives.
+    pub exchange_ns: u64,
+    /// Cycles so far whose command came after its deadline or whose work ended after the period.
+    pub missed_deadlines: u64,
+    /// Periods so far that were skipped because the loop was late.
+    pub skipped_periods: u64,
+    /// Cycles so far without a fresh command.
+    pub stale_commands: u64,
+    /// Commands so far that were refused: of another session, older, or not finite.
+    pub refused_commands: u64,
+    /// What was sent to the drives, motor side.
+    pub motor_torque_nm: PerJoint,
+}
+
+/// Any process to the supervisor: I am alive.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ZeroCopySend)]
+#[type_name("FlexsplineHeartbeat")]
+pub struct Heartbeat {
+    /// The run the process belongs to.
+    pub session: u64,
+    /// Its process id.
+    pub process_id: u64,
+    /// Monotonic clock when it was sent.
+    pub sent_at_ns: u64,
+    /// Last cycle the process has dealt with.
+    pub cycle: u64,
+}
+
+/// Emulator to relay: what the plant really does. No estimator or controller may read it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[type_name("FlexsplinePlantTruth")]
+pub struct PlantTruth {
+    /// Cycle and instant it is true for.
+    pub header: Header,
+    /// After the gear.
+    pub link_position_rad: PerJoint,
+    /// After the gear.
+    pub link_velocity_rad_s: PerJoint,
+    /// Transmitted to the link.
+    pub joint_torque_nm: PerJoint,
+    /// Lost in the gear, joint side, along the motion positive.
+    pub friction_torque_nm: PerJoint,
+}
+
+// Other languages and stored logs depend on these layouts.
+const _: () = {
+    assert!(size_of::<Header>() == 32);
+    assert!(size_of::<Readings>() == 8 * 128);
+    assert!(size_of::<DriveCommand>() == 296);
+    assert!(size_of::<DriveSample>() == 1064);
+    assert!(size_of::<SensorSample>() == 1080);
+    assert!(size_of::<Command>() == 800);
+    assert!(size_of::<TorqueEstimate>() == 288);
+    assert!(size_of::<LoopStatus>() == 32 + 8 + 9 * 8 + 128);
+    assert!(size_of::<Heartbeat>() == 32);
+    assert!(size_of::<PlantTruth>() == 544);
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ASKED: Header = Header {
+        session: 7,
+        cycle: 100,
+        measured_at_ns: 5,
+        joint_count: 7,
+    };
+
+    #[test]
+    fn only_the_answer_to_this_cycle_of_this_run_is_taken() {
+        assert_eq!(ASKED.answers(&ASKED), Ok(()));
+        assert_eq!(
+            Header {
+                session: 8,
+                ..ASKED
+            }
+            .answers(&ASKED),
+            Err(Refusal::Session)
+        );
+        assert_eq!(
+            Header {
+                joint_count: 6,
+                ..ASKED
+            }
+            .answers(&ASKED),
+            Err(Refusal::JointCount)
+        );
+        assert_eq!(
+            Header { cycle: 99, ..ASKED }.answers(&ASKED),
+            Err(Refusal::OldCycle)
+        );
+        assert_eq!(
+            Header {
+                cycle: 101,
+                ..ASKED
+            }
+            .answers(&ASKED),
+            Err(Refusal::FutureCycle)
+        );
+    }
+
+    #[test]
+    fn numbers_that_are_no_state_are_not_read_as_one() {
+        assert_eq!(LoopState::from_raw(2), Some(LoopState::Running));
+        assert_eq!(LoopState::from_raw(6), None);
+        assert_eq!(DriveMode::from_raw(4), None);
+    }
+}
