@@ -1,0 +1,176 @@
+//! The individual behind the robot file: no two arms are alike, and neither is as its data sheet says.
+//!
+//! Masses, rotor inertias, gear stiffness and every friction value are multiplied by `1 + s·n`, with `s` the plant's
+//! `parameter_deviation` and `n` normal, drawn from the seed's own stream of the joint. A link's inertia tensor
+//! follows its mass. Lengths, centres of mass, gear ratios and sensors are exact.
+
+use joint_model::friction::{
+    LoadTorque, LoadTorqueRow, SteadyFriction, StribeckCurve, StribeckRow,
+};
+use joint_model::rigid_body::Link;
+use joint_model::transmission::CatalogueCompliance;
+use robot::{Effect, Robot, RobotJoint};
+
+use crate::inject::TimedEffect;
+use crate::noise::{Noise, Purpose};
+use crate::parameters::{JointPlantParameters, PlantParameters};
+
+/// One joint of the individual.
+pub(crate) struct Individual {
+    pub rotor_inertia_kg_m2: f64,
+    /// What the tables of the robot file give; its effects come on top.
+    pub friction: SteadyFriction,
+    pub curve: CatalogueCompliance,
+    /// Effects of the robot file and of the plant file.
+    pub effects: Vec<TimedEffect>,
+    pub link: Link,
+}
+
+/// Never below a tenth: a huge deviation must not turn a mass negative.
+const FACTOR_MIN: f64 = 0.1;
+
+struct Deviation {
+    noise: Noise,
+    relative: f64,
+}
+
+impl Deviation {
+    fn factor(&mut self) -> f64 {
+        (1.0 + self.relative * self.noise.normal()).max(FACTOR_MIN)
+    }
+
+    fn stribeck_row(&mut self, row: &robot::StribeckRow) -> StribeckRow {
+        StribeckRow {
+            f0_nm: row.f0_nm * self.factor(),
+            fv_nm_s_rad: row.fv_nm_s_rad * self.factor(),
+            fs_nm: row.fs_nm * self.factor(),
+            vc_rad_s: row.vc_rad_s * self.factor(),
+        }
+    }
+
+    fn load_row(&mut self, row: &robot::LoadTorqueRow) -> LoadTorqueRow {
+        let factor = self.factor();
+        LoadTorqueRow {
+            slopes: row.slopes.map(|slope| slope * factor),
+            knees_nm: row.knees_nm,
+            zero_load_nm: row.zero_load_nm,
+        }
+    }
+
+    fn link(&mut self, link: &Link) -> Link {
+        let factor = self.factor();
+        Link {
+            mass_kg: link.mass_kg * factor,
+            inertia_kg_m2: link.inertia_kg_m2 * factor,
+            ..*link
+        }
+    }
+}
+
+/// Draws the individual's joints and links, base to tip.
+pub(crate) fn individual(
+    robot: &Robot,
+    parameters: &PlantParameters,
+    seed: u64,
+) -> Vec<Individual> {
+    let joints = robot
+        .joints
+        .iter()
+        .zip(&parameters.joints)
+        .zip(robot.chain.links());
+    joints
+        .enumerate()
+        .map(|(index, ((file, hidden), link))| {
+            let noise = Noise::new(seed, Purpose::Deviation, index);
+            let mut deviation = Deviation {
+                noise,
+                relative: parameters.parameter_deviation,
+            };
+            Individual {
+                link: deviation.link(link),
+                rotor_inertia_kg_m2: file.rotor_inertia_kg_m2 * deviation.factor(),
+                curve: hidden.curve().scaled(deviation.factor()),
+                friction: table_friction(file, hidden, &mut deviation),
+                effects: effects(file, hidden, &mut deviation),
+            }
+        })
+        .collect()
+}
+
+fn table_friction(
+    file: &RobotJoint,
+    hidden: &JointPlantParameters,
+    deviation: &mut Deviation,
+) -> SteadyFriction {
+    let curve = file.direction_friction.as_ref().map(|table| StribeckCurve {
+        positive: deviation.stribeck_row(&table.positive),
+        negative: deviation.stribeck_row(&table.negative),
+    });
+    let load_torque = file.load_torque.as_ref().map(|table| LoadTorque {
+        positive: deviation.load_row(&table.positive),
+        negative: deviation.load_row(&table.negative),
+        knee_rounding_nm: hidden.load_knee_rounding_nm,
+    });
+    let unloaded_nm = curve.map_or(0.0, |curve| curve.positive.f0_nm.min(curve.negative.f0_nm));
+    let least_nm = hidden.least_friction * unloaded_nm;
+    SteadyFriction {
+        curve,
+        load_torque,
+        least_nm,
+        ..SteadyFriction::default()
+    }
+}
+
+/// The robot file's effects, with friction off by a factor, and what the plant file adds to them.
+fn effects(
+    file: &RobotJoint,
+    hidden: &JointPlantParameters,
+    deviation: &mut Deviation,
+) -> Vec<TimedEffect> {
+    let mut stiffness_seen = false;
+    let known = file.effects.iter().filter(|effect| {
+        // the first stiffness is what the plant's own curve stands for; further ones change it
+        let is_base = matches!(effect, Effect::TorsionalCompliance { .. }) && !stiffness_seen;
+        stiffness_seen |= is_base;
+        !is_base
+    });
+    let mut all: Vec<TimedEffect> = known
+        .map(|effect| {
+            let factor = if is_friction(effect) {
+                deviation.factor()
+            } else {
+                1.0
+            };
+            TimedEffect {
+                factor,
+                ..TimedEffect::always(*effect)
+            }
+        })
+        .collect();
+    let named = |hidden: &Effect| {
+        file.effects
+            .iter()
+            .any(|known| known.name() == hidden.name())
+    };
+    all.extend(
+        hidden
+            .effects
+            .iter()
+            .filter(|effect| !named(effect))
+            .map(|effect| TimedEffect::always(*effect)),
+    );
+    all
+}
+
+fn is_friction(effect: &Effect) -> bool {
+    matches!(
+        effect,
+        Effect::CoulombFriction { .. }
+            | Effect::ViscousFriction { .. }
+            | Effect::QuadraticFriction { .. }
+            | Effect::StribeckFriction { .. }
+            | Effect::AsymmetricFriction { .. }
+            | Effect::LoadDependentFriction { .. }
+            | Effect::PositionDependentFriction { .. }
+    )
+}
