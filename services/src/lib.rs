@@ -1,1 +1,15 @@
 //! The processes beside the loop: torque estimator, feedforward controller, relay.
+//!
+//! Each is a pure core ([`feedforward`], [`estimators`], [`relay`], [`tracking`]) that turns messages into messages,
+//! and a thin process around it that owns shared memory and clock.
+#![forbid(unsafe_code)]
+
+pub mod answering;
+pub mod estimator_process;
+pub mod estimators;
+pub mod feedforward;
+pub mod feedforward_process;
+pub mod relay;
+pub mod relay_process;
+pub mod tracking;
+mod velocity;

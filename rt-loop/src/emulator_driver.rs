@@ -1,0 +1,104 @@
+//! The emulator as a drive: commands out and samples in over shared memory.
+
+use realtime::clock::monotonic_ns;
+use shm_types::bus::{Bus, BusError, Listener, Notifier, Reader, Writer};
+use shm_types::messages::{DriveCommand, DriveSample};
+use shm_types::topics;
+
+use crate::driver::{DriveFault, Driver};
+
+/// How late a sample is taken whose wake-up was lost.
+const RECHECK_NS: u64 = 100_000;
+
+/// Talks to the emulator process of the same instance.
+#[derive(Debug)]
+pub struct EmulatorDriver {
+    command: CommandWriter,
+    command_ready: Notifier,
+    sample: Reader<DriveSample>,
+    sample_ready: Listener,
+    newest: Option<DriveSample>,
+}
+
+struct CommandWriter(Writer<DriveCommand>);
+
+impl std::fmt::Debug for CommandWriter {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str("Writer<DriveCommand>")
+    }
+}
+
+impl EmulatorDriver {
+    /// Opens the drive's topics.
+    ///
+    /// # Errors
+    /// [`BusError`], also when another loop commands this drive.
+    pub fn open(bus: &Bus) -> Result<Self, BusError> {
+        let command = bus.writer(&topics::DRIVE_COMMAND)?;
+        let command_ready = bus.notifier(&topics::DRIVE_COMMAND_READY)?;
+        let sample = bus.reader(&topics::DRIVE_SAMPLE)?;
+        // Connects now to an emulator that is there already: the first exchange would take milliseconds.
+        command.greet_new_readers();
+        command_ready.notify();
+        let newest = sample.take();
+        Ok(Self {
+            command: CommandWriter(command),
+            command_ready,
+            sample,
+            sample_ready: bus.listener(&topics::DRIVE_SAMPLE_READY, RECHECK_NS)?,
+            newest,
+        })
+    }
+
+    /// Takes samples up to `cycle`; later ones stay in the queue, because the emulator may be one latch ahead.
+    fn take_up_to(&mut self, cycle: u64) {
+        while self.newest.is_none_or(|sample| sample.header.cycle < cycle) {
+            match self.sample.take() {
+                Some(sample) => self.newest = Some(sample),
+                None => return,
+            }
+        }
+    }
+}
+
+impl Driver for EmulatorDriver {
+    fn read(
+        &mut self,
+        cycle: u64,
+        _planned_ns: u64,
+        give_up_at_ns: u64,
+    ) -> Result<DriveSample, DriveFault> {
+        loop {
+            self.take_up_to(cycle);
+            match self.newest {
+                Some(sample) if sample.header.cycle == cycle => return Ok(sample),
+                Some(sample) if sample.header.cycle > cycle => {
+                    return Err(DriveFault::ForeignSample);
+                }
+                _ => (),
+            }
+            let now_ns = monotonic_ns();
+            if now_ns >= give_up_at_ns {
+                return Err(match self.newest {
+                    Some(sample) => DriveFault::StaleSample {
+                        age_cycles: cycle - sample.header.cycle,
+                    },
+                    None => DriveFault::NoSample,
+                });
+            }
+            self.sample_ready.wait(give_up_at_ns - now_ns);
+        }
+    }
+
+    fn write(&mut self, command: &DriveCommand) -> Result<(), DriveFault> {
+        if !self.command.0.send(*command) {
+            return Err(DriveFault::NotSent);
+        }
+        self.command_ready.notify();
+        Ok(())
+    }
+
+    fn prepare(&mut self) {
+        self.command.0.prepare();
+    }
+}

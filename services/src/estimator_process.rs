@@ -1,0 +1,50 @@
+//! The torque estimator as a process.
+
+use std::sync::atomic::AtomicBool;
+
+use joint_model::filter::FilterError;
+use shm_types::bus::BusError;
+use shm_types::instance::{Instance, InstanceError, Mode};
+use shm_types::topics::{self, Role};
+
+use crate::answering::{Service, serve};
+use crate::estimators::Estimators;
+
+/// Below everything the loop waits for.
+const FIFO_PRIORITY: u8 = 60;
+
+/// Why the process cannot work.
+#[derive(Debug, thiserror::Error)]
+pub enum EstimatorProcessError {
+    /// The instance cannot be used.
+    #[error(transparent)]
+    Instance(#[from] InstanceError),
+    /// The robot file cannot be used.
+    #[error(transparent)]
+    Robot(#[from] robot::RobotError),
+    /// The estimators' filters cannot be built for this rate.
+    #[error("torque estimators: {0}")]
+    Filter(#[from] FilterError),
+    /// A topic cannot be opened.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+}
+
+/// Answers the loop's samples with torque estimates until `stop` is set.
+///
+/// # Errors
+/// [`EstimatorProcessError`] if it cannot start.
+pub fn run(instance: &Instance, stop: &AtomicBool) -> Result<(), EstimatorProcessError> {
+    let run = instance.run_config()?;
+    let robot = robot::load(&run.robot)?;
+    let mut estimators = Estimators::new(&robot, run.period_ns as f64 * 1e-9)?;
+    let service = Service {
+        role: Role::Estimator,
+        fifo_priority: FIFO_PRIORITY,
+        topic: topics::TORQUE_ESTIMATE,
+        // Control does not use it: only a loop in lockstep waits.
+        ready: (run.mode == Mode::Lockstep).then_some(topics::TORQUE_ESTIMATE_READY),
+        answer: &mut |sample| Some(estimators.estimate(sample)),
+    };
+    Ok(serve(instance, &run, robot.joints.len(), service, stop)?)
+}

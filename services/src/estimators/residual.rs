@@ -1,0 +1,79 @@
+//! Motor torque minus what the model says is lost before the link: friction and rotor inertia.
+//!
+//! `T_j = N T_m - T_friction(θ̇, T_j) - J N² θ̈`, joint side. The load that friction depends on is the estimate of the
+//! cycle before. Limits: at standstill friction takes any value up to breakaway, so the estimate is off by as much.
+
+use joint_model::filter::{Butterworth, FilterError};
+use joint_model::friction::SteadyFriction;
+use robot::RobotJoint;
+
+use crate::velocity::VelocityFilter;
+
+/// Passes what a harmonic drive's joint can do by itself, and little of the resolver's steps.
+const VELOCITY_CUTOFF_HZ: f64 = 50.0;
+/// The second derivative of a quantised position needs more smoothing.
+const ACCELERATION_CUTOFF_HZ: f64 = 15.0;
+/// Friction is counted fully above this velocity; below, the direction of motion is lost in quantisation.
+const REVERSAL_VELOCITY_RAD_S: f64 = 0.005;
+
+/// One joint's residual estimator.
+#[derive(Clone, Debug)]
+pub struct Residual {
+    friction: SteadyFriction,
+    gear_ratio: f64,
+    reflected_inertia_kg_m2: f64,
+    velocity: VelocityFilter,
+    acceleration: Butterworth,
+    velocity_rad_s: f64,
+    torque_nm: f64,
+    period_s: f64,
+}
+
+impl Residual {
+    /// An estimator with the robot file's friction and rotor inertia.
+    ///
+    /// # Errors
+    /// [`FilterError`] if the control period is too long for its filters.
+    pub fn new(joint: &RobotJoint, period_s: f64) -> Result<Self, FilterError> {
+        let rate_hz = 1.0 / period_s;
+        Ok(Self {
+            friction: joint.steady_friction(),
+            gear_ratio: joint.gear_ratio,
+            reflected_inertia_kg_m2: joint.rotor_inertia_kg_m2 * joint.gear_ratio.powi(2),
+            velocity: VelocityFilter::new(2, VELOCITY_CUTOFF_HZ, rate_hz)?,
+            acceleration: Butterworth::design(2, ACCELERATION_CUTOFF_HZ, rate_hz)?,
+            velocity_rad_s: 0.0,
+            torque_nm: 0.0,
+            period_s,
+        })
+    }
+
+    /// Joint torque after one more sample; NaN without a motor torque.
+    pub fn estimate_nm(
+        &mut self,
+        cycle: u64,
+        motor_position_rad: f64,
+        motor_torque_nm: f64,
+    ) -> f64 {
+        let position_rad = motor_position_rad / self.gear_ratio;
+        let velocity_rad_s = self.velocity.observe(cycle, position_rad, self.period_s);
+        let acceleration_rad_s2 = self
+            .acceleration
+            .step((velocity_rad_s - self.velocity_rad_s) / self.period_s);
+        self.velocity_rad_s = velocity_rad_s;
+        let friction_nm = self.friction.drag_nm(
+            velocity_rad_s,
+            self.torque_nm,
+            motor_position_rad,
+            REVERSAL_VELOCITY_RAD_S,
+        );
+        let torque_nm = self.gear_ratio * motor_torque_nm
+            - friction_nm
+            - self.reflected_inertia_kg_m2 * acceleration_rad_s2;
+        // A missing motor torque must not stay in the state.
+        if torque_nm.is_finite() {
+            self.torque_nm = torque_nm;
+        }
+        torque_nm
+    }
+}

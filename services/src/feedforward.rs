@@ -1,0 +1,214 @@
+//! Control torque from model and low-gain feedback: PA10-05, eq (5) and Fig. 2.
+//!
+//! `T_in N = T_rigid(θ_d, θ̇_d, θ̈_d) + T_friction(θ̇_d) + T_c(T_g, sgn θ̇_d) + J N² θ̈_d + K_p (θ_d - θ) + K_d (θ̇_d - θ̇)`,
+//! all at the joint side; the model acts on the desired motion, as in the paper, because the measured velocity is noisy.
+
+use joint_model::filter::FilterError;
+use joint_model::friction::SteadyFriction;
+use motion::{Reference, Trajectory};
+use robot::{ControlKind, Feedback, Feedforward as ModelPart, Robot};
+use shm_types::JOINTS_MAX;
+use shm_types::messages::{Command, PerJoint, SensorSample};
+
+use crate::velocity::VelocityFilter;
+
+/// Friction is fed forward fully above this desired velocity, and in proportion below: a step at a reversal of the
+/// reference would hit a joint that has not reversed yet. The lowest velocity the paper identified friction at.
+const REVERSAL_VELOCITY_RAD_S: f64 = 0.005;
+
+/// The controller of one robot on one trajectory.
+#[derive(Clone, Debug)]
+pub struct Feedforward {
+    robot: Robot,
+    friction: Vec<SteadyFriction>,
+    gains: Vec<Gains>,
+    model: ModelPart,
+    feedback: Feedback,
+    trajectory: Trajectory,
+    velocity: Vec<VelocityFilter>,
+    period_s: f64,
+    reference: Reference,
+    gravity_nm: PerJoint,
+    rigid_nm: PerJoint,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Gains {
+    proportional_nm_rad: f64,
+    derivative_nm_s_rad: f64,
+}
+
+/// Why a robot cannot be controlled this way.
+#[derive(Debug, thiserror::Error)]
+pub enum FeedforwardError {
+    /// The robot file has no usable gains.
+    #[error(
+        "robot `{robot}`: {reason}; add a [control] table with kind = \"pd_feedforward\" and its gains"
+    )]
+    Control {
+        /// Its name.
+        robot: String,
+        /// What is missing.
+        reason: String,
+    },
+    /// The velocity filter of the robot file cannot be built.
+    #[error("robot `{robot}`, [control]: {source}")]
+    Filter {
+        /// Its name.
+        robot: String,
+        /// Why.
+        source: FilterError,
+    },
+}
+
+impl Feedforward {
+    /// A controller that follows `trajectory` with the robot's own gains.
+    ///
+    /// # Errors
+    /// [`FeedforwardError`] if the robot file says nothing usable about control.
+    pub fn new(
+        robot: Robot,
+        trajectory: Trajectory,
+        period_s: f64,
+    ) -> Result<Self, FeedforwardError> {
+        let control_error = |reason: &str| FeedforwardError::Control {
+            robot: robot.name.clone(),
+            reason: reason.into(),
+        };
+        let control = robot
+            .control
+            .as_ref()
+            .ok_or_else(|| control_error("it has no [control]"))?;
+        if control.kind != ControlKind::PdFeedforward {
+            return Err(control_error("its control is of another kind"));
+        }
+        let gains = control
+            .proportional_nm_rad
+            .iter()
+            .zip(&control.derivative_nm_s_rad);
+        let gains: Vec<Gains> = gains
+            .map(|(&proportional_nm_rad, &derivative_nm_s_rad)| Gains {
+                proportional_nm_rad,
+                derivative_nm_s_rad,
+            })
+            .collect();
+        let order = control.velocity_filter_order as usize;
+        let velocity = VelocityFilter::new(order, control.velocity_filter_hz, 1.0 / period_s)
+            .map_err(|source| FeedforwardError::Filter {
+                robot: robot.name.clone(),
+                source,
+            })?;
+        Ok(Self {
+            friction: robot
+                .joints
+                .iter()
+                .map(|joint| joint.steady_friction())
+                .collect(),
+            gains,
+            model: control.feedforward,
+            feedback: control.feedback,
+            trajectory,
+            velocity: vec![velocity; robot.joints.len()],
+            period_s,
+            reference: Reference::default(),
+            gravity_nm: [0.0; JOINTS_MAX],
+            rigid_nm: [0.0; JOINTS_MAX],
+            robot,
+        })
+    }
+
+    /// The command that answers one sample. No allocation, no clock.
+    pub fn command(&mut self, sample: &SensorSample) -> Command {
+        self.sample_reference(sample);
+        self.rigid_body_torque();
+        let mut command = Command {
+            header: sample.header,
+            reference_position_rad: self.reference.position_rad,
+            reference_velocity_rad_s: self.reference.velocity_rad_s,
+            reference_acceleration_rad_s2: self.reference.acceleration_rad_s2,
+            ..Command::default()
+        };
+        for joint in 0..self.robot.joints.len() {
+            let gear_ratio = self.robot.joints[joint].gear_ratio;
+            let feedforward_nm = self.feedforward_nm(joint) / gear_ratio;
+            let feedback_nm = self.feedback_nm(joint, sample) / gear_ratio;
+            command.feedforward_torque_nm[joint] = feedforward_nm;
+            command.feedback_torque_nm[joint] = feedback_nm;
+            command.motor_torque_nm[joint] = feedforward_nm + feedback_nm;
+        }
+        command
+    }
+
+    /// The trajectory advances at `motion_rate`, so its derivatives by wall time scale with it.
+    fn sample_reference(&mut self, sample: &SensorSample) {
+        self.trajectory
+            .sample(sample.motion_time_ns as f64 * 1e-9, &mut self.reference);
+        // Written by another process: out of range would be an absurd speed.
+        let rate = if sample.motion_rate.is_finite() {
+            sample.motion_rate.clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        for joint in 0..self.robot.joints.len() {
+            self.reference.velocity_rad_s[joint] *= rate;
+            self.reference.acceleration_rad_s2[joint] *= rate * rate;
+        }
+    }
+
+    fn rigid_body_torque(&mut self) {
+        let count = self.robot.joints.len();
+        let Reference {
+            position_rad,
+            velocity_rad_s,
+            acceleration_rad_s2,
+            ..
+        } = &self.reference;
+        if self.model == ModelPart::None {
+            return;
+        }
+        self.robot
+            .chain
+            .gravity_torque(&position_rad[..count], &mut self.gravity_nm[..count]);
+        self.robot.chain.inverse_dynamics(
+            &position_rad[..count],
+            &velocity_rad_s[..count],
+            &acceleration_rad_s2[..count],
+            &mut self.rigid_nm[..count],
+        );
+    }
+
+    fn feedforward_nm(&self, joint: usize) -> f64 {
+        if self.model == ModelPart::None {
+            return 0.0;
+        }
+        let drive = &self.robot.joints[joint];
+        let rotor_nm = drive.rotor_inertia_kg_m2
+            * drive.gear_ratio.powi(2)
+            * self.reference.acceleration_rad_s2[joint];
+        let rigid_nm = self.rigid_nm[joint] + rotor_nm;
+        if self.model == ModelPart::RigidBody {
+            return rigid_nm;
+        }
+        let friction_nm = self.friction[joint].drag_nm(
+            self.reference.velocity_rad_s[joint],
+            self.gravity_nm[joint],
+            self.reference.position_rad[joint] * drive.gear_ratio,
+            REVERSAL_VELOCITY_RAD_S,
+        );
+        rigid_nm + friction_nm
+    }
+
+    fn feedback_nm(&mut self, joint: usize, sample: &SensorSample) -> f64 {
+        let motor_rad =
+            sample.readings.motor_position_rad[joint] / self.robot.joints[joint].gear_ratio;
+        let position_rad = match self.feedback {
+            Feedback::Motor => motor_rad,
+            Feedback::Link => sample.readings.link_position_rad[joint],
+        };
+        let velocity_rad_s =
+            self.velocity[joint].observe(sample.header.cycle, position_rad, self.period_s);
+        let gains = self.gains[joint];
+        gains.proportional_nm_rad * (self.reference.position_rad[joint] - position_rad)
+            + gains.derivative_nm_s_rad * (self.reference.velocity_rad_s[joint] - velocity_rad_s)
+    }
+}

@@ -1,0 +1,211 @@
+//! Puts the messages of one cycle, which several processes send, together into one row.
+
+use std::collections::VecDeque;
+
+use recording::{JointCycle, JointTruth, LoopCycle};
+use shm_types::messages::{Command, LoopStatus, PlantTruth, SensorSample, TorqueEstimate};
+
+/// Everything sent about one cycle; a message that did not come is missing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CycleMessages {
+    /// The cycle.
+    pub cycle: u64,
+    /// What was measured.
+    pub sample: Option<SensorSample>,
+    /// What was asked for.
+    pub command: Option<Command>,
+    /// What was estimated.
+    pub estimate: Option<TorqueEstimate>,
+    /// How the cycle went.
+    pub status: Option<LoopStatus>,
+    /// What the plant really did.
+    pub truth: Option<PlantTruth>,
+}
+
+/// A cycle waits this long for late messages before it is written: an estimate may come after the cycle's end.
+const PATIENCE_CYCLES: u64 = 16;
+
+/// Collects messages by cycle and gives them back in order, whole.
+#[derive(Clone, Debug, Default)]
+pub struct Assembler {
+    waiting: VecDeque<CycleMessages>,
+    /// Cycles before this one were given back.
+    next_cycle: u64,
+    newest_status_cycle: u64,
+    /// Messages that came after their cycle was given back.
+    pub late_messages: u64,
+}
+
+impl Assembler {
+    /// The row a message of `cycle` belongs to; `None`, and counted, if it has been given back.
+    pub fn row(&mut self, cycle: u64) -> Option<&mut CycleMessages> {
+        if cycle < self.next_cycle {
+            self.late_messages += 1;
+            return None;
+        }
+        let index = self.waiting.partition_point(|row| row.cycle < cycle);
+        if self.waiting.get(index).is_none_or(|row| row.cycle != cycle) {
+            self.waiting.insert(
+                index,
+                CycleMessages {
+                    cycle,
+                    ..CycleMessages::default()
+                },
+            );
+        }
+        self.waiting.get_mut(index)
+    }
+
+    /// Takes the message that ends a cycle.
+    pub fn add_status(&mut self, status: LoopStatus) {
+        self.newest_status_cycle = self.newest_status_cycle.max(status.header.cycle);
+        if let Some(row) = self.row(status.header.cycle) {
+            row.status = Some(status);
+        }
+    }
+
+    /// The next cycle that is old enough to be written.
+    pub fn next_due(&mut self) -> Option<CycleMessages> {
+        let due = |row: &CycleMessages| row.cycle + PATIENCE_CYCLES <= self.newest_status_cycle;
+        if !self.waiting.front().is_some_and(due) {
+            return None;
+        }
+        self.next_left()
+    }
+
+    /// The next cycle, however young: at the end of a run. Only cycles the loop has finished count.
+    pub fn next_left(&mut self) -> Option<CycleMessages> {
+        let row = self.waiting.pop_front()?;
+        self.next_cycle = row.cycle + 1;
+        (row.cycle <= self.newest_status_cycle).then_some(row)
+    }
+}
+
+/// The row as a recording holds it; `None` without a measurement. `joints` and `truth` are refilled.
+pub fn record_row(
+    messages: &CycleMessages,
+    joint_count: usize,
+    joints: &mut Vec<JointCycle>,
+    truth: &mut Vec<JointTruth>,
+) -> Option<LoopCycle> {
+    let sample = messages.sample.as_ref()?;
+    joints.clear();
+    joints.extend((0..joint_count).map(|joint| joint_cycle(messages, sample, joint)));
+    truth.clear();
+    if let Some(plant) = &messages.truth {
+        truth.extend((0..joint_count).map(|joint| JointTruth {
+            link_position_rad: plant.link_position_rad[joint],
+            link_velocity_rad_s: plant.link_velocity_rad_s[joint],
+            joint_torque_nm: plant.joint_torque_nm[joint],
+            friction_torque_nm: plant.friction_torque_nm[joint],
+        }));
+    }
+    Some(messages.status.as_ref().map(loop_cycle).unwrap_or_default())
+}
+
+fn joint_cycle(messages: &CycleMessages, sample: &SensorSample, joint: usize) -> JointCycle {
+    let present = |value: f64| value.is_finite().then_some(value);
+    let readings = &sample.readings;
+    let command = messages.command.as_ref();
+    let estimate = messages.estimate.as_ref();
+    JointCycle {
+        reference_position_rad: command
+            .and_then(|command| present(command.reference_position_rad[joint])),
+        reference_velocity_rad_s: command
+            .and_then(|command| present(command.reference_velocity_rad_s[joint])),
+        command_torque_nm: messages
+            .status
+            .and_then(|status| present(status.motor_torque_nm[joint])),
+        motor_torque_nm: present(readings.motor_torque_nm[joint]),
+        motor_position_rad: present(readings.motor_position_rad[joint]),
+        motor_velocity_rad_s: present(readings.motor_velocity_rad_s[joint]),
+        link_position_rad: present(readings.link_position_rad[joint]),
+        link_velocity_rad_s: present(readings.link_velocity_rad_s[joint]),
+        joint_torque_nm: present(readings.joint_torque_nm[joint]),
+        motor_current_a: present(readings.motor_current_a[joint]),
+        temperature_c: present(readings.temperature_c[joint]),
+        estimate_residual_torque_nm: estimate
+            .and_then(|estimate| present(estimate.residual_torque_nm[joint])),
+        estimate_structural_damping_nm: estimate
+            .and_then(|estimate| present(estimate.structural_damping_torque_nm[joint])),
+        segment: None,
+    }
+}
+
+fn loop_cycle(status: &LoopStatus) -> LoopCycle {
+    let signed = |time_ns: u64| i64::try_from(time_ns).unwrap_or(i64::MAX);
+    LoopCycle {
+        cycle: status.header.cycle,
+        state: status.state,
+        wakeup_lateness_ns: signed(status.wakeup_lateness_ns),
+        compute_ns: signed(status.compute_ns),
+        command_latency_ns: signed(status.command_latency_ns),
+        exchange_ns: signed(status.exchange_ns),
+        limited: status.limited_joints as u32,
+        missed_deadlines: status.missed_deadlines,
+        stale_commands: status.stale_commands,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shm_types::messages::Header;
+
+    fn status(cycle: u64) -> LoopStatus {
+        LoopStatus {
+            header: Header {
+                cycle,
+                ..Header::default()
+            },
+            ..LoopStatus::default()
+        }
+    }
+
+    #[test]
+    fn rows_come_in_order_whatever_order_messages_come_in() {
+        let mut assembler = Assembler::default();
+        for cycle in [2, 0, 1, 4, 3] {
+            assembler.row(cycle).expect("not given back yet").sample =
+                Some(SensorSample::default());
+        }
+        for cycle in [1, 0, 4, 2, 3] {
+            assembler.add_status(status(cycle));
+        }
+        assert_eq!(assembler.next_due(), None, "all still young");
+        assembler.add_status(status(2 + PATIENCE_CYCLES));
+        let due: Vec<u64> = std::iter::from_fn(|| assembler.next_due())
+            .map(|row| row.cycle)
+            .collect();
+        assert_eq!(due, [0, 1, 2]);
+        assert!(assembler.row(1).is_none());
+        assert_eq!(assembler.late_messages, 1);
+    }
+
+    #[test]
+    fn cycles_the_loop_never_finished_are_not_rows() {
+        let mut assembler = Assembler::default();
+        assembler.add_status(status(7));
+        // The plant is one latch ahead of the loop.
+        assembler.row(8).expect("new").truth = Some(PlantTruth::default());
+        let left: Vec<u64> = std::iter::from_fn(|| assembler.next_left())
+            .map(|row| row.cycle)
+            .collect();
+        assert_eq!(left, [7]);
+    }
+
+    #[test]
+    fn absent_signals_stay_absent() {
+        let mut sample = SensorSample::default();
+        sample.readings.motor_position_rad[0] = 1.5;
+        let messages = CycleMessages {
+            sample: Some(sample),
+            ..CycleMessages::default()
+        };
+        let (mut joints, mut truth) = (Vec::new(), Vec::new());
+        record_row(&messages, 1, &mut joints, &mut truth).expect("a measurement is there");
+        assert_eq!(joints[0].motor_position_rad, Some(1.5));
+        assert_eq!(joints[0].link_position_rad, None);
+        assert!(truth.is_empty());
+    }
+}

@@ -1,0 +1,260 @@
+//! How well the robot followed and how well its torque was estimated, summed up row by row.
+
+use joint_model::rigid_body::Chain;
+use robot::Robot;
+use serde::{Deserialize, Serialize};
+use shm_types::messages::{Command, LoopState, PerJoint};
+
+use crate::relay::CycleMessages;
+
+/// File of the relay's report in the instance's directory.
+pub const TRACKING_REPORT_FILE: &str = "tracking-report.json";
+
+/// Rows this long after the first moving one count as after the start (PA10-05 tells the two apart).
+const START_S: f64 = 2.0;
+
+/// Mean, root mean square and maximum of an error.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ErrorSummary {
+    /// Rows counted.
+    pub count: u64,
+    /// Mean with its sign; of a distance, the mean distance.
+    pub mean: f64,
+    /// Root mean square.
+    pub rms: f64,
+    /// Largest magnitude.
+    pub max: f64,
+    /// Largest magnitude after the first two seconds.
+    pub max_after_start: f64,
+}
+
+/// The same, being summed.
+#[derive(Clone, Copy, Debug, Default)]
+struct ErrorSum {
+    count: u64,
+    sum: f64,
+    square_sum: f64,
+    max: f64,
+    max_after_start: f64,
+}
+
+impl ErrorSum {
+    fn add(&mut self, error: f64, after_start: bool) {
+        if !error.is_finite() {
+            return;
+        }
+        self.count += 1;
+        self.sum += error;
+        self.square_sum += error * error;
+        self.max = self.max.max(error.abs());
+        if after_start {
+            self.max_after_start = self.max_after_start.max(error.abs());
+        }
+    }
+
+    fn summary(&self) -> Option<ErrorSummary> {
+        let count = self.count as f64;
+        (self.count > 0).then(|| ErrorSummary {
+            count: self.count,
+            mean: self.sum / count,
+            rms: (self.square_sum / count).sqrt(),
+            max: self.max,
+            max_after_start: self.max_after_start,
+        })
+    }
+}
+
+/// One joint's results.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct JointTracking {
+    /// Its name.
+    pub joint: String,
+    /// Reference minus link position.
+    pub position_error_rad: Option<ErrorSummary>,
+    /// What the feedback had to add, joint side.
+    pub feedback_torque_nm: Option<ErrorSummary>,
+    /// Residual estimate minus the torque truly transmitted.
+    pub residual_error_nm: Option<ErrorSummary>,
+    /// Structural-damping estimate minus the torque truly transmitted.
+    pub structural_damping_error_nm: Option<ErrorSummary>,
+}
+
+/// The relay's account of a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TrackingReport {
+    /// Where positions and torques to compare with come from: `plant`, or the robot's own `sensors`.
+    pub compared_with: String,
+    /// Per joint.
+    pub joints: Vec<JointTracking>,
+    /// Distance of the tool from where it should be.
+    pub end_effector_error_m: Option<ErrorSummary>,
+    /// Rows in which the loop was running.
+    pub running_rows: u64,
+    /// Rows written to the recording.
+    pub recorded_rows: u64,
+    /// Cycles the loop has run that never reached the relay.
+    pub lost_rows: u64,
+    /// Messages that came too late for their row.
+    pub late_messages: u64,
+    /// The recordings written, in order; a relay that was killed leaves one, its successor goes on in the next.
+    pub recordings: Vec<String>,
+    /// Why recording ended early, if it did.
+    pub recording_error: Option<String>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct JointSums {
+    position_rad: ErrorSum,
+    feedback_nm: ErrorSum,
+    residual_nm: ErrorSum,
+    structural_damping_nm: ErrorSum,
+}
+
+/// Sums up rows of one robot.
+#[derive(Clone, Debug)]
+pub struct Tracking {
+    chain: Chain,
+    names: Vec<String>,
+    gear_ratios: Vec<f64>,
+    joints: Vec<JointSums>,
+    end_effector_m: ErrorSum,
+    running_rows: u64,
+    first_running_ns: Option<u64>,
+    saw_truth: bool,
+}
+
+impl Tracking {
+    /// Nothing summed yet.
+    pub fn new(robot: &Robot) -> Self {
+        Self {
+            chain: robot.chain.clone(),
+            names: robot
+                .joints
+                .iter()
+                .map(|joint| joint.name.clone())
+                .collect(),
+            gear_ratios: robot.joints.iter().map(|joint| joint.gear_ratio).collect(),
+            joints: vec![JointSums::default(); robot.joints.len()],
+            end_effector_m: ErrorSum::default(),
+            running_rows: 0,
+            first_running_ns: None,
+            saw_truth: false,
+        }
+    }
+
+    /// Adds one row; rows in which the loop was not running do not count.
+    pub fn add(&mut self, row: &CycleMessages) {
+        let running = row
+            .status
+            .is_some_and(|status| LoopState::from_raw(status.state) == Some(LoopState::Running));
+        let (Some(sample), Some(command), true) = (&row.sample, &row.command, running) else {
+            return;
+        };
+        self.running_rows += 1;
+        let first_ns = *self
+            .first_running_ns
+            .get_or_insert(sample.header.measured_at_ns);
+        let after_start = (sample.header.measured_at_ns - first_ns) as f64 * 1e-9 > START_S;
+        let position_rad = self.link_position_rad(row);
+        self.saw_truth |= row.truth.is_some();
+        for (joint, sums) in self.joints.iter_mut().enumerate() {
+            sums.position_rad.add(
+                command.reference_position_rad[joint] - position_rad[joint],
+                after_start,
+            );
+            sums.feedback_nm.add(
+                command.feedback_torque_nm[joint] * self.gear_ratios[joint],
+                after_start,
+            );
+            let sensor_nm = sample.readings.joint_torque_nm[joint];
+            let torque_nm = row
+                .truth
+                .map_or(sensor_nm, |truth| truth.joint_torque_nm[joint]);
+            if let Some(estimate) = &row.estimate {
+                sums.residual_nm
+                    .add(estimate.residual_torque_nm[joint] - torque_nm, after_start);
+                sums.structural_damping_nm.add(
+                    estimate.structural_damping_torque_nm[joint] - torque_nm,
+                    after_start,
+                );
+            }
+        }
+        self.end_effector_m
+            .add(self.tool_distance_m(command, &position_rad), after_start);
+    }
+
+    /// Where the links are: as the plant says, else the link encoder, else the motor over the gear ratio.
+    fn link_position_rad(&self, row: &CycleMessages) -> PerJoint {
+        if let Some(truth) = &row.truth {
+            return truth.link_position_rad;
+        }
+        let mut position_rad = row
+            .sample
+            .map_or([f64::NAN; _], |sample| sample.readings.link_position_rad);
+        for (joint, gear_ratio) in self.gear_ratios.iter().enumerate() {
+            if !position_rad[joint].is_finite() {
+                position_rad[joint] = row
+                    .sample
+                    .map_or(f64::NAN, |sample| sample.readings.motor_position_rad[joint])
+                    / gear_ratio;
+            }
+        }
+        position_rad
+    }
+
+    fn tool_distance_m(&self, command: &Command, position_rad: &PerJoint) -> f64 {
+        let count = self.names.len();
+        let wanted = self
+            .chain
+            .tool_pose(&command.reference_position_rad[..count]);
+        let found = self.chain.tool_pose(&position_rad[..count]);
+        (wanted.translation.vector - found.translation.vector).norm()
+    }
+
+    /// What has been summed.
+    pub fn report(&self) -> TrackingReport {
+        let joints = self
+            .names
+            .iter()
+            .zip(&self.joints)
+            .map(|(name, sums)| JointTracking {
+                joint: name.clone(),
+                position_error_rad: sums.position_rad.summary(),
+                feedback_torque_nm: sums.feedback_nm.summary(),
+                residual_error_nm: sums.residual_nm.summary(),
+                structural_damping_error_nm: sums.structural_damping_nm.summary(),
+            });
+        TrackingReport {
+            compared_with: if self.saw_truth { "plant" } else { "sensors" }.to_owned(),
+            joints: joints.collect(),
+            end_effector_error_m: self.end_effector_m.summary(),
+            running_rows: self.running_rows,
+            ..TrackingReport::default()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_are_mean_rms_and_maximum() {
+        let mut sum = ErrorSum::default();
+        assert_eq!(sum.summary(), None);
+        for (error, after_start) in [(3.0, false), (-1.0, true), (f64::NAN, true), (-2.0, true)] {
+            sum.add(error, after_start);
+        }
+        let summary = sum.summary().expect("three values");
+        assert_eq!(
+            (
+                summary.count,
+                summary.mean,
+                summary.max,
+                summary.max_after_start
+            ),
+            (3, 0.0, 3.0, 2.0)
+        );
+        assert!((summary.rms - (14.0_f64 / 3.0).sqrt()).abs() < 1e-12);
+    }
+}
