@@ -1,1 +1,50 @@
-fn main() {}
+//! The command line of Flexspline.
+
+mod cli;
+mod error;
+mod process;
+mod run;
+mod supervisor;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::cli::{Cli, Command};
+use crate::error::CliError;
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) if error.use_stderr() => {
+            eprintln!("flexspline: {}", one_line(&error.to_string()));
+            return ExitCode::from(2);
+        }
+        // Help or version was asked for.
+        Err(error) => error.exit(),
+    };
+    let outcome = match cli.command {
+        Command::Run(arguments) => run::run(&arguments),
+        Command::Process(arguments) => process::run(&arguments),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("flexspline: {error}");
+            match error {
+                CliError::Input(_) => ExitCode::from(2),
+                CliError::Negative(_) => ExitCode::from(1),
+            }
+        }
+    }
+}
+
+/// The argument parser's message without its layout.
+fn one_line(message: &str) -> String {
+    let wanted = |line: &&str| !line.is_empty() && !line.starts_with("Usage:");
+    let parts: Vec<&str> = message.lines().map(str::trim).filter(wanted).collect();
+    parts
+        .join("; ")
+        .replacen("error: ", "", 1)
+        .replace("For more information, try '--help'.", "--help tells more")
+}

@@ -1,0 +1,132 @@
+//! What can be typed.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use shm_types::instance::{Mode, Wait};
+
+/// A deterministic 1.5 kHz control loop for harmonic-drive robot joints over shared memory.
+#[derive(Debug, Parser)]
+#[command(version, max_term_width = 110)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Start the loop, its services and the plant; run; print what happened; stop everything
+    Run(RunArguments),
+    /// One process of a running instance; started by `run`
+    #[command(hide = true)]
+    Process(ProcessArguments),
+}
+
+/// `flexspline run`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline run                                     the PA-10 along its lemniscate for 20 s
+  flexspline run --robot shd17 --duration 5s         the single test joint
+  flexspline run --mode lockstep --record run.mcap   as fast as it goes, the same bytes every time
+  flexspline run --inject gap.toml --json out.json   with effects added to the plant
+
+Ctrl-C stops cleanly: brakes first, then the services, then the recording is closed.
+Exit code: 0 done, 1 the loop stopped for safety or a process could not be kept alive, 2 bad input.")]
+pub struct RunArguments {
+    /// Robot: pa10, shd17, or a robot file
+    #[arg(long, default_value = "pa10", value_name = "NAME|FILE")]
+    pub robot: String,
+    /// Driver that talks to the hardware
+    #[arg(long, default_value = "emulator", value_name = "NAME")]
+    pub driver: String,
+    /// Trajectory: lemniscate, trapezoid, sine, multi_sine, hold, or a trajectory file; the robot's own if not given
+    #[arg(long, value_name = "NAME|FILE")]
+    pub trajectory: Option<String>,
+    /// How long to run, as 15s or 500ms
+    #[arg(long, default_value = "20s", value_name = "D", value_parser = humantime::parse_duration)]
+    pub duration: Duration,
+    /// Whether time is the wall clock's or waits for everybody
+    #[arg(long, value_enum, default_value_t = ModeArgument::Realtime)]
+    pub mode: ModeArgument,
+    /// File of effects to add to the emulated plant
+    #[arg(long, value_name = "FILE")]
+    pub inject: Option<PathBuf>,
+    /// Recording to write; recordings/ROBOT-TRAJECTORY-TIME.mcap if not given
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+    /// Where to write the results as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+    /// Name of this instance; two robots need two names
+    #[arg(long, default_value = "default", value_name = "NAME")]
+    pub instance: String,
+    /// Seed of everything random in the emulator
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub seed: u64,
+    /// How loop and services wait for each other: sleeping, or spinning on cores of their own
+    #[arg(long, value_enum, default_value_t = WaitArgument::Block)]
+    pub wait: WaitArgument,
+}
+
+/// See [`Mode`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ModeArgument {
+    /// By the wall clock
+    Realtime,
+    /// Virtual time: a cycle ends when every process has done its part
+    Lockstep,
+}
+
+impl From<ModeArgument> for Mode {
+    fn from(argument: ModeArgument) -> Self {
+        match argument {
+            ModeArgument::Realtime => Self::Realtime,
+            ModeArgument::Lockstep => Self::Lockstep,
+        }
+    }
+}
+
+/// See [`Wait`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum WaitArgument {
+    /// Sleep until woken
+    Block,
+    /// Look without pause
+    Spin,
+}
+
+impl From<WaitArgument> for Wait {
+    fn from(argument: WaitArgument) -> Self {
+        match argument {
+            WaitArgument::Block => Self::Block,
+            WaitArgument::Spin => Self::Spin,
+        }
+    }
+}
+
+/// `flexspline process`
+#[derive(Debug, Args)]
+pub struct ProcessArguments {
+    /// Which process
+    #[arg(value_enum)]
+    pub role: RoleArgument,
+    /// Name of the instance it belongs to
+    #[arg(long)]
+    pub instance: String,
+}
+
+/// The processes of an instance, and the one that cleans up after it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[allow(missing_docs, reason = "the names say it; see the roles in shm-types")]
+pub enum RoleArgument {
+    Loop,
+    Emulator,
+    Estimator,
+    Feedforward,
+    Relay,
+    Janitor,
+}

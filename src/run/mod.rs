@@ -1,0 +1,254 @@
+//! `flexspline run`: checks the input, starts an instance, watches it, reports.
+
+mod progress;
+mod report;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use realtime::grant::usable_cores;
+use realtime::process::user_id;
+use rt_loop::report::{LOOP_REPORT_FILE, LoopReport};
+use services::tracking::{TRACKING_REPORT_FILE, TrackingReport};
+use shm_types::instance::{Instance, Mode, RunConfig};
+use signal_hook::consts::{SIGINT, SIGTERM};
+
+use crate::cli::RunArguments;
+use crate::error::CliError;
+use crate::supervisor::{Supervisor, SupervisorError, WATCH_INTERVAL};
+use progress::Progress;
+use report::RunReport;
+
+/// The servo drivers' rate: where "1.5 kHz" comes from.
+const PERIOD_NS: u64 = 666_667;
+/// Part of the period, in percent, after which a command that has not come is missing.
+const COMMAND_DEADLINE_PERCENT: u64 = 75;
+
+/// Runs a robot and reports.
+///
+/// # Errors
+/// [`CliError::Input`] before anything was started, [`CliError::Negative`] if the run ended badly.
+pub fn run(arguments: &RunArguments) -> Result<(), CliError> {
+    let plan = Plan::new(arguments)?;
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(CliError::input)?;
+    }
+    let mut supervisor =
+        Supervisor::start(&plan.instance, &plan.config).map_err(CliError::input)?;
+    let watched = watch(&mut supervisor, &plan.config, &stop);
+    let stopped = supervisor.stop();
+    let report = RunReport {
+        robot: plan.robot_name,
+        trajectory: plan.config.trajectory.clone(),
+        mode: plan.config.mode,
+        seed: plan.config.seed,
+        recording: plan.config.record.clone(),
+        interrupted: stop.load(Ordering::Relaxed),
+        timing: plan
+            .instance
+            .read_report::<LoopReport>(LOOP_REPORT_FILE)
+            .ok(),
+        tracking: plan
+            .instance
+            .read_report::<TrackingReport>(TRACKING_REPORT_FILE)
+            .ok(),
+        restarts: supervisor.restarts().to_vec(),
+    };
+    supervisor.leave();
+    let to_standard_output = arguments.json.as_deref() == Some(Path::new("-"));
+    if !to_standard_output {
+        println!("{report}");
+    }
+    if let Some(path) = &arguments.json {
+        report.write_json(path)?;
+    }
+    watched
+        .and(stopped)
+        .map_err(|error| CliError::Negative(error.to_string()))?;
+    report.verdict()
+}
+
+/// Watches until the loop ends or somebody presses Ctrl-C.
+fn watch(
+    supervisor: &mut Supervisor,
+    config: &RunConfig,
+    stop: &AtomicBool,
+) -> Result<(), SupervisorError> {
+    supervisor.start_loop()?;
+    let progress = Progress::new(config);
+    while !stop.load(Ordering::Relaxed) && supervisor.watch()? {
+        if let Some(status) = supervisor.newest_status() {
+            progress.show(&status);
+        }
+        std::thread::sleep(WATCH_INTERVAL);
+    }
+    Ok(())
+}
+
+/// A run whose input has been checked.
+struct Plan {
+    instance: Instance,
+    config: RunConfig,
+    robot_name: String,
+}
+
+impl Plan {
+    fn new(arguments: &RunArguments) -> Result<Self, CliError> {
+        let instance = Instance::new(&arguments.instance, user_id()).map_err(CliError::input)?;
+        if !rt_loop::process::DRIVERS.contains(&arguments.driver.as_str()) {
+            let known = rt_loop::process::DRIVERS.join(", ");
+            return Err(CliError::Input(format!(
+                "unknown driver `{}`; known: {known}",
+                arguments.driver
+            )));
+        }
+        let cycles = arguments.duration.as_nanos() / u128::from(PERIOD_NS);
+        let cycles = u64::try_from(cycles)
+            .ok()
+            .filter(|&cycles| cycles > 0)
+            .ok_or_else(|| {
+                CliError::Input(format!(
+                    "--duration {:?}: must be at least one period, 667 µs",
+                    arguments.duration
+                ))
+            })?;
+        let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
+        let trajectory = match &arguments.trajectory {
+            Some(name) => name.clone(),
+            None => motion::default_name(&robot).to_owned(),
+        };
+        let loaded = motion::load(&trajectory, &robot).map_err(CliError::input)?;
+        let mut start = motion::Reference::default();
+        loaded.sample(0.0, &mut start);
+        if let Some(path) = &arguments.inject {
+            robot::load_injection(path, &robot).map_err(CliError::input)?;
+        }
+        let record = recording_path(arguments, &robot.name, &trajectory)?;
+        let config = RunConfig {
+            session: new_session(),
+            robot: absolute_if_file(&arguments.robot),
+            driver: arguments.driver.clone(),
+            trajectory: absolute_if_file(&trajectory),
+            mode: arguments.mode.into(),
+            period_ns: PERIOD_NS,
+            cycles,
+            wait: arguments.wait.into(),
+            seed: arguments.seed,
+            inject: arguments.inject.as_deref().map(absolute),
+            record: Some(record),
+            command_deadline_ns: PERIOD_NS * COMMAND_DEADLINE_PERCENT / 100,
+            cores: usable_cores(),
+            initial_position_rad: start.position_rad[..robot.joints.len()].to_vec(),
+        };
+        Ok(Self {
+            instance,
+            config,
+            robot_name: robot.name,
+        })
+    }
+}
+
+/// Names stay names; files are found from every process's directory.
+fn absolute_if_file(name_or_path: &str) -> String {
+    let path = Path::new(name_or_path);
+    if path.is_file() {
+        absolute(path).display().to_string()
+    } else {
+        name_or_path.to_owned()
+    }
+}
+
+fn absolute(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
+}
+
+/// Where the recording goes, proven to be writable.
+fn recording_path(
+    arguments: &RunArguments,
+    robot: &str,
+    trajectory: &str,
+) -> Result<PathBuf, CliError> {
+    let path = match &arguments.record {
+        Some(path) => path.clone(),
+        None => {
+            let stem = Path::new(trajectory)
+                .file_stem()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned();
+            let now = humantime::format_rfc3339_seconds(SystemTime::now())
+                .to_string()
+                .replace(':', "-");
+            PathBuf::from(format!("recordings/{robot}-{stem}-{now}.mcap"))
+        }
+    };
+    let refuse = |error: std::io::Error| {
+        CliError::Input(format!(
+            "cannot write the recording {}: {error}; choose a place with --record",
+            path.display()
+        ))
+    };
+    if arguments.record.is_none() {
+        fs::create_dir_all("recordings").map_err(refuse)?;
+    }
+    prove_writable(&path).map_err(refuse)?;
+    Ok(absolute(&path))
+}
+
+/// Leaves everything as it was: the instance may turn out to be taken.
+fn prove_writable(path: &Path) -> std::io::Result<()> {
+    if path.exists() {
+        return fs::File::options().append(true).open(path).map(drop);
+    }
+    fs::File::create_new(path)?;
+    fs::remove_file(path)
+}
+
+/// A number that no other run of this user has: wall clock and process id.
+fn new_session() -> u64 {
+    let now = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |since| since.as_nanos() as u64);
+    now ^ (u64::from(std::process::id()) << 48)
+}
+
+impl RunReport {
+    /// Whether the run was what was asked for.
+    fn verdict(&self) -> Result<(), CliError> {
+        let Some(timing) = &self.timing else {
+            return Err(CliError::Negative(
+                "the loop left no report; it was killed or could not start".to_owned(),
+            ));
+        };
+        if timing.final_state == "SafeStop" {
+            let why = timing.last_fault.as_deref().unwrap_or("unknown");
+            return Err(CliError::Negative(format!(
+                "the loop stopped for safety: {why}"
+            )));
+        }
+        if let Some(error) = self
+            .tracking
+            .as_ref()
+            .and_then(|tracking| tracking.recording_error.as_ref())
+        {
+            return Err(CliError::Negative(format!(
+                "the recording is not complete: {error}"
+            )));
+        }
+        if self.mode == Mode::Lockstep
+            && self
+                .tracking
+                .as_ref()
+                .is_some_and(|tracking| tracking.lost_rows > 0)
+        {
+            return Err(CliError::Negative(
+                "the recording has gaps, which lockstep must not have".to_owned(),
+            ));
+        }
+        Ok(())
+    }
+}

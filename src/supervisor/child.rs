@@ -1,0 +1,113 @@
+//! One process of an instance, as its supervisor sees it.
+
+use std::os::unix::process::ExitStatusExt;
+use std::time::{Duration, Instant};
+
+use realtime::process::send_signal;
+use serde::Serialize;
+use shm_types::bus::Reader;
+use shm_types::messages::Heartbeat;
+use shm_types::topics::Role;
+
+/// A service that ended during a run and was started again.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Restart {
+    /// Which one.
+    pub role: String,
+    /// Since the loop's start.
+    pub at_s: f64,
+    /// How it ended.
+    pub reason: String,
+    /// From being started again to its first heartbeat; `None` if the run ended before that.
+    pub back_after_ms: Option<f64>,
+}
+
+/// A process that was started and may have ended.
+#[derive(Debug)]
+pub struct Child {
+    role: Role,
+    process: std::process::Child,
+    heartbeat: Reader<Heartbeat>,
+    started: Instant,
+    first_sign: Option<Instant>,
+    last_sign: Instant,
+}
+
+impl Child {
+    /// A process just started.
+    pub fn new(role: Role, process: std::process::Child, heartbeat: Reader<Heartbeat>) -> Self {
+        let now = Instant::now();
+        Self {
+            role,
+            process,
+            heartbeat,
+            started: now,
+            first_sign: None,
+            last_sign: now,
+        }
+    }
+
+    /// What it is.
+    pub fn role(&self) -> Role {
+        self.role
+    }
+
+    /// Takes its heartbeats. Those of a predecessor in the same role do not count.
+    pub fn listen(&mut self) {
+        while let Some(heartbeat) = self.heartbeat.take() {
+            if heartbeat.process_id == u64::from(self.process.id()) {
+                self.last_sign = Instant::now();
+                self.first_sign.get_or_insert(self.last_sign);
+            }
+        }
+    }
+
+    /// Whether it has given a sign of life.
+    pub fn is_ready(&self) -> bool {
+        self.first_sign.is_some()
+    }
+
+    /// From its start to its first sign of life.
+    pub fn ready_after(&self) -> Option<Duration> {
+        self.first_sign.map(|sign| sign - self.started)
+    }
+
+    /// Whether it has been silent for longer than `limit`.
+    pub fn is_silent(&self, limit: Duration) -> bool {
+        self.last_sign.elapsed() > limit
+    }
+
+    /// How it ended, if it has.
+    pub fn ended(&mut self) -> Option<String> {
+        let status = self.process.try_wait().ok().flatten()?;
+        Some(match (status.code(), status.signal()) {
+            (Some(code), _) => format!("exit code {code}"),
+            (None, Some(signal)) => format!("signal {signal}"),
+            (None, None) => "unknown end".to_owned(),
+        })
+    }
+
+    /// Ends it at once.
+    pub fn kill(&mut self) {
+        // It may have ended by itself meanwhile.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+
+    /// Asks it to end and waits; kills it after `patience`. `false` if that was needed.
+    pub fn stop(&mut self, patience: Duration) -> bool {
+        if self.ended().is_some() {
+            return true;
+        }
+        send_signal(self.process.id(), libc::SIGTERM);
+        let asked = Instant::now();
+        while self.ended().is_none() {
+            if asked.elapsed() > patience {
+                self.kill();
+                return false;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        true
+    }
+}
