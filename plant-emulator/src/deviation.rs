@@ -4,8 +4,10 @@
 //! `parameter_deviation` and `n` normal, drawn from the seed's own stream of the joint. A link's inertia tensor
 //! follows its mass. Lengths, centres of mass, gear ratios and sensors are exact.
 
+use std::sync::Arc;
+
 use joint_model::friction::{
-    LoadTorque, LoadTorqueRow, SteadyFriction, StribeckCurve, StribeckRow,
+    FrictionLookup, LoadTorque, LoadTorqueRow, SteadyFriction, StribeckCurve, StribeckRow,
 };
 use joint_model::rigid_body::Link;
 use joint_model::transmission::CatalogueCompliance;
@@ -55,6 +57,11 @@ impl Deviation {
             knees_nm: row.knees_nm,
             zero_load_nm: row.zero_load_nm,
         }
+    }
+
+    fn lookup_row(&mut self, row_nm: &[f64]) -> Arc<[f64]> {
+        let factor = self.factor();
+        row_nm.iter().map(|level_nm| level_nm * factor).collect()
     }
 
     fn link(&mut self, link: &Link) -> Link {
@@ -111,11 +118,16 @@ fn table_friction(
         negative: deviation.load_row(&table.negative),
         knee_rounding_nm: hidden.load_knee_rounding_nm,
     });
+    let lookup = file.friction_table.as_ref().map(|table| FrictionLookup {
+        positive_nm: deviation.lookup_row(&table.positive_nm),
+        negative_nm: deviation.lookup_row(&table.negative_nm),
+    });
     let unloaded_nm = curve.map_or(0.0, |curve| curve.positive.f0_nm.min(curve.negative.f0_nm));
     let least_nm = hidden.least_friction * unloaded_nm;
     SteadyFriction {
         curve,
         load_torque,
+        lookup,
         least_nm,
         ..SteadyFriction::default()
     }
@@ -148,9 +160,14 @@ fn effects(
         })
         .collect();
     let named = |hidden: &Effect| {
-        file.effects
-            .iter()
-            .any(|known| known.name() == hidden.name())
+        // a look-up table is position-dependent friction in another form
+        let in_table = matches!(hidden, Effect::PositionDependentFriction { .. })
+            && file.friction_table.is_some();
+        in_table
+            || file
+                .effects
+                .iter()
+                .any(|known| known.name() == hidden.name())
     };
     all.extend(
         hidden
@@ -173,4 +190,37 @@ fn is_friction(effect: &Effect) -> bool {
             | Effect::LoadDependentFriction { .. }
             | Effect::PositionDependentFriction { .. }
     )
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+mod tests {
+    use joint_model::friction::{DryFriction, Sliding};
+    use robot::FrictionTable;
+
+    use super::*;
+
+    #[test]
+    fn a_friction_table_is_in_the_plant_and_stands_for_the_hidden_harmonics() {
+        let mut robot = robot::load("pa10").unwrap();
+        let parameters = PlantParameters::for_robot(&robot).unwrap();
+        robot.joints[1].friction_table = Some(FrictionTable {
+            positive_nm: vec![5.0, -5.0],
+            negative_nm: vec![3.0, -3.0],
+        });
+        let joints = individual(&robot, &parameters, 7);
+        let harmonics = |joint: &Individual| {
+            let is_harmonic = |timed: &&TimedEffect| {
+                matches!(timed.effect, Effect::PositionDependentFriction { .. })
+            };
+            joint.effects.iter().filter(is_harmonic).count()
+        };
+        assert_eq!((harmonics(&joints[0]), harmonics(&joints[1])), (2, 0));
+        let lookup = joints[1].friction.lookup.as_ref().unwrap();
+        for (velocity_rad_s, file_nm) in [(0.1, 5.0), (-0.1, 3.0)] {
+            let found_nm = lookup.level_nm(&Sliding::at(velocity_rad_s));
+            // within five of the plant's standard deviations
+            assert!((found_nm / file_nm - 1.0).abs() < 5.0 * parameters.parameter_deviation);
+        }
+    }
 }

@@ -1,12 +1,15 @@
 //! Are the numbers of a robot file possible? Each error names the value and what is allowed.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 use joint_model::friction::TERMS_MAX;
 
 use crate::error::{Place, RobotError};
 use crate::tolerance::PARAMETERS;
-use crate::{Control, ControlKind, Effect, LoadTorqueRow, RobotJoint, StribeckRow, Tolerance};
+use crate::{
+    Control, ControlKind, Effect, FrictionTable, LoadTorqueRow, RobotJoint, StribeckRow, Tolerance,
+};
 
 /// What a number must be.
 #[derive(Clone, Copy)]
@@ -136,7 +139,38 @@ pub fn joint(place: &Place, joint: &RobotJoint) -> Result<(), RobotError> {
         load(place, "load_torque.positive", &torque.positive)?;
         load(place, "load_torque.negative", &torque.negative)?;
     }
+    if let Some(table) = &joint.friction_table {
+        friction_table(place, table)?;
+    }
     effects(place, &joint.effects)
+}
+
+/// Two points make an interpolation. 4096 resolve a hundred times the 39 cycles per motor revolution that PA10-05,
+/// Table III, reaches.
+const TABLE_POINTS: RangeInclusive<usize> = 2..=4096;
+
+fn friction_table(place: &Place, table: &FrictionTable) -> Result<(), RobotError> {
+    let rows = [
+        ("friction_table.positive_nm", &table.positive_nm),
+        ("friction_table.negative_nm", &table.negative_nm),
+    ];
+    for (key, row_nm) in rows {
+        if !TABLE_POINTS.contains(&row_nm.len()) {
+            let (least, most) = TABLE_POINTS.into_inner();
+            return Err(place.invalid(format!(
+                "{key} has {} points, give {least} to {most}",
+                row_nm.len()
+            )));
+        }
+        numbers(place, key, row_nm, Must::BeFinite)?;
+    }
+    let (positive, negative) = (table.positive_nm.len(), table.negative_nm.len());
+    if positive == negative {
+        return Ok(());
+    }
+    Err(place.invalid(format!(
+        "friction_table has {positive} points in positive_nm and {negative} in negative_nm, give both as many"
+    )))
 }
 
 fn stribeck(place: &Place, key: &str, row: &StribeckRow) -> Result<(), RobotError> {

@@ -1,11 +1,11 @@
 //! From what a robot file says about a joint to the physics of [`joint_model`].
 
 use joint_model::friction::{
-    LoadTorque, LoadTorqueRow, PeriodicFriction, SteadyFriction, StribeckCurve, StribeckFriction,
-    StribeckRow, TERMS_MAX,
+    FrictionLookup, LoadTorque, LoadTorqueRow, PeriodicFriction, SteadyFriction, StribeckCurve,
+    StribeckFriction, StribeckRow, TERMS_MAX,
 };
 
-use crate::{DirectionalFriction, Effect, LoadTorqueTable, RobotJoint};
+use crate::{DirectionalFriction, Effect, FrictionTable, LoadTorqueTable, RobotJoint};
 
 impl RobotJoint {
     /// All friction the file knows, as torque over velocity, load and motor angle. Effects and tables add up.
@@ -13,6 +13,7 @@ impl RobotJoint {
         let mut friction = SteadyFriction {
             curve: self.direction_friction.as_ref().map(stribeck_curve),
             load_torque: self.load_torque.as_ref().map(load_torque),
+            lookup: self.friction_table.as_ref().map(friction_lookup),
             ..SteadyFriction::default()
         };
         for effect in &self.effects {
@@ -108,5 +109,12 @@ fn load_torque(table: &LoadTorqueTable) -> LoadTorque {
         positive: row(&table.positive),
         negative: row(&table.negative),
         knee_rounding_nm: 0.0,
+    }
+}
+
+fn friction_lookup(table: &FrictionTable) -> FrictionLookup {
+    FrictionLookup {
+        positive_nm: table.positive_nm.as_slice().into(),
+        negative_nm: table.negative_nm.as_slice().into(),
     }
 }

@@ -64,15 +64,25 @@ pub fn shipped() -> impl Iterator<Item = &'static str> {
 /// # Errors
 /// [`RobotError`]: one line with file, place, and what to change.
 pub fn load(name_or_path: &str) -> Result<Robot, RobotError> {
+    let (file, source) = load_file(name_or_path)?;
+    file.build(source)
+}
+
+/// Reads what [`load`] reads without making the robot: to change values and write the file again.
+///
+/// # Errors
+/// [`RobotError`]: one line with file, place, and what to change.
+pub fn load_file(name_or_path: &str) -> Result<(RobotFile, Source), RobotError> {
     if let Some((name, text)) = SHIPPED.iter().find(|(name, _)| *name == name_or_path) {
-        return RobotFile::parse(text, name)?.build(Source::Shipped(name));
+        return Ok((RobotFile::parse(text, name)?, Source::Shipped(name)));
     }
     let text = fs::read_to_string(name_or_path).map_err(|error| RobotError::Read {
         file: name_or_path.to_owned(),
         reason: error.to_string(),
         hint: shipped_hint(name_or_path),
     })?;
-    RobotFile::parse(&text, name_or_path)?.build(Source::File(PathBuf::from(name_or_path)))
+    let file = RobotFile::parse(&text, name_or_path)?;
+    Ok((file, Source::File(PathBuf::from(name_or_path))))
 }
 
 fn shipped_hint(name: &str) -> String {

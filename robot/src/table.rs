@@ -1,5 +1,5 @@
 //! Friction and load torque of a harmonic drive as measured tables, each direction of motion on its own
-//! (Kennedy and Desai, IEEE/ASME Trans. Mechatronics 2005, "PA10-05": Tables II and V). Joint side.
+//! (Kennedy and Desai, IEEE/ASME Trans. Mechatronics 2005, "PA10-05": section IV, Tables II and V). Joint side.
 
 use serde::{Deserialize, Serialize};
 
@@ -55,4 +55,18 @@ pub struct LoadTorqueRow {
     pub knees_nm: [f64; 2],
     /// `T_c` at gravity torque zero, which fixes the offset (the paper's "zero-gravity stiffness").
     pub zero_load_nm: f64,
+}
+
+/// Friction over the motor angle, by direction of motion, added to all other friction of the joint (section IV-B2).
+///
+/// Evenly spaced points over one revolution of the motor, the i-th of n at motor angle `2π·i/n`, between which friction
+/// is interpolated linearly. As many points in both rows, 2 to 4096. Positive opposes the motion in both rows; where
+/// the level itself stands elsewhere, in `direction_friction` say, the rows have no mean and so hold both signs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FrictionTable {
+    /// For positive joint velocity.
+    pub positive_nm: Vec<f64>,
+    /// For negative joint velocity.
+    pub negative_nm: Vec<f64>,
 }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 pub const DEFAULT_TOLERANCE: f64 = 0.02;
 
 /// The names a table of tolerances may use.
-pub(crate) const PARAMETERS: [&str; 35] = [
+pub(crate) const PARAMETERS: [&str; 36] = [
     "default",
     "mass_kg",
     "centre_of_mass_m",
@@ -19,6 +19,7 @@ pub(crate) const PARAMETERS: [&str; 35] = [
     "torque_constant_nm_a",
     "direction_friction",
     "load_torque",
+    "friction_table",
     "coulomb_nm",
     "viscous_nm_s_rad",
     "quadratic_nm_s2_rad2",

@@ -1,7 +1,7 @@
 //! Robot and injection files as people write them: accepted, or refused in one line that helps.
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use robot::{Effect, Robot, RobotError, RobotFile, Source, load, parse_injection};
+use robot::{Effect, Robot, RobotError, RobotFile, RobotJoint, Source, load, parse_injection};
 
 const BENCH: &str = r#"
 name = "bench"
@@ -346,6 +346,68 @@ fn tables_are_read_and_checked() {
     assert_says(
         &message.to_string(),
         &["direction_friction.positive.vc_rad_s = -0.1 must be above zero"],
+    );
+}
+
+fn with_friction_table(positive_nm: &str, negative_nm: &str) -> Result<Robot, RobotError> {
+    let table = format!(
+        "friction_table = {{ positive_nm = [{positive_nm}], negative_nm = [{negative_nm}] }}"
+    );
+    let key = "rotor_inertia_kg_m2 = 1.14e-5";
+    read(&BENCH.replacen(key, &format!("{key}\n{table}"), 1))
+}
+
+#[test]
+fn a_friction_table_is_friction_over_the_motor_angle() {
+    let robot = with_friction_table("3.0, 1.0, 2.0, 2", "0.5, 0.5, 0.5, 4.5").unwrap();
+    let friction = robot.joints[0].steady_friction();
+    let drag_nm = |velocity_rad_s, motor_position_rad| {
+        friction.drag_nm(velocity_rad_s, 0.0, motor_position_rad, 0.0)
+    };
+    let quarter_rad = std::f64::consts::FRAC_PI_2;
+    assert_eq!(drag_nm(0.1, 0.0), 3.0);
+    assert!((drag_nm(0.1, 0.5 * quarter_rad) - 2.0).abs() < 1e-12);
+    assert!((drag_nm(-0.1, 3.0 * quarter_rad) + 4.5).abs() < 1e-12);
+}
+
+#[test]
+fn a_friction_table_survives_writing() {
+    let joint = with_friction_table("3.0, -1.0", "0.5, 1e-3")
+        .unwrap()
+        .joints[0]
+        .clone();
+    let written = toml::to_string(&joint).unwrap();
+    assert_eq!(
+        robot::parse_toml::<RobotJoint>(&written, "").unwrap(),
+        joint
+    );
+}
+
+#[test]
+fn an_impossible_friction_table_is_refused() {
+    let refused = |positive_nm: &str, negative_nm: &str| {
+        with_friction_table(positive_nm, negative_nm)
+            .unwrap_err()
+            .to_string()
+    };
+    assert_says(
+        &refused("1.0", "1.0"),
+        &[
+            "joint `shoulder`",
+            "friction_table.positive_nm has 1 points, give 2 to 4096",
+        ],
+    );
+    assert_says(
+        &refused("1.0, 2.0", &"1.0,".repeat(4097)),
+        &["friction_table.negative_nm has 4097 points"],
+    );
+    assert_says(
+        &refused("1.0, 2.0", "1.0, 2.0, 3.0"),
+        &["2 points in positive_nm and 3 in negative_nm"],
+    );
+    assert_says(
+        &refused("1.0, 2.0", "1.0, nan"),
+        &["friction_table.negative_nm = NaN must be a finite number"],
     );
 }
 

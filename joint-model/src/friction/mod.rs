@@ -6,8 +6,10 @@
 
 mod asymmetric;
 mod coulomb;
+mod cubic;
 mod load_dependent;
 mod load_torque;
+mod lookup;
 mod lugre;
 mod periodic;
 mod quadratic;
@@ -18,8 +20,10 @@ mod viscous;
 
 pub use asymmetric::AsymmetricFriction;
 pub use coulomb::CoulombFriction;
+pub use cubic::{CubicFriction, CubicRow};
 pub use load_dependent::LoadDependentFriction;
 pub use load_torque::{LoadTorque, LoadTorqueRow};
+pub use lookup::FrictionLookup;
 pub use lugre::{BristleStep, LuGre};
 pub use periodic::{PeriodicFriction, cycles_per_motor_rev};
 pub use quadratic::QuadraticFriction;

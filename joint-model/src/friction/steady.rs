@@ -3,8 +3,9 @@
 use arrayvec::ArrayVec;
 
 use super::{
-    AsymmetricFriction, CoulombFriction, DryFriction, LoadDependentFriction, LoadTorque,
-    PeriodicFriction, QuadraticFriction, Sliding, StribeckCurve, StribeckFriction, ViscousFriction,
+    AsymmetricFriction, CoulombFriction, DryFriction, FrictionLookup, LoadDependentFriction,
+    LoadTorque, PeriodicFriction, QuadraticFriction, Sliding, StribeckCurve, StribeckFriction,
+    ViscousFriction,
 };
 
 /// The most Stribeck or periodic terms of one joint.
@@ -17,6 +18,8 @@ pub struct SteadyFriction {
     pub curve: Option<StribeckCurve>,
     /// PA10-05 Table V, where the joint has one.
     pub load_torque: Option<LoadTorque>,
+    /// Look-up table over the motor angle, where the joint has one.
+    pub lookup: Option<FrictionLookup>,
     /// What remains of the level however much an overrunning load eases the motion.
     pub least_nm: f64,
     /// Coulomb friction.
@@ -43,9 +46,10 @@ impl SteadyFriction {
             + self.load_dependent.level_nm(at);
         let curve_nm = self.curve.map_or(0.0, |law| law.level_nm(at));
         let load_nm = self.load_torque.map_or(0.0, |law| law.level_nm(at));
+        let lookup_nm = self.lookup.as_ref().map_or(0.0, |law| law.level_nm(at));
         let stribeck_nm: f64 = self.stribeck.iter().map(|law| law.level_nm(at)).sum();
         let periodic_nm: f64 = self.periodic.iter().map(|law| law.level_nm(at)).sum();
-        (fixed_nm + curve_nm + load_nm + stribeck_nm + periodic_nm)
+        (fixed_nm + curve_nm + load_nm + stribeck_nm + periodic_nm + lookup_nm)
             .max(self.least_nm)
             .max(0.0)
     }
@@ -146,6 +150,28 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_look_up_table_adds_its_row_of_the_direction() {
+        let without = joint_2();
+        let with = SteadyFriction {
+            lookup: Some(FrictionLookup {
+                positive_nm: [2.0, -1.0].into(),
+                negative_nm: [-3.0, 4.0].into(),
+            }),
+            ..joint_2()
+        };
+        let added_nm = |v, motor_rad| {
+            with.drag_nm(v, 0.0, motor_rad, 0.0) - without.drag_nm(v, 0.0, motor_rad, 0.0)
+        };
+        assert!((added_nm(0.1, 0.0) - 2.0).abs() < 1e-12);
+        // in the negative direction the row still counts positive against the motion
+        assert!((added_nm(-0.1, 0.0) - 3.0).abs() < 1e-12);
+        assert!((added_nm(-0.1, std::f64::consts::PI) + 4.0).abs() < 1e-12);
+        assert_eq!(with.drag_nm(0.0, 0.0, 0.0, 0.005), 0.0);
+        assert!(with.drag_nm(1e-9, 0.0, 0.0, 0.005).abs() < 1e-4);
+        assert!(with.drag_nm(-1e-9, 0.0, 0.0, 0.005).abs() < 1e-4);
     }
 
     #[test]

@@ -28,9 +28,11 @@ mod forward_dynamics;
 mod gravity;
 mod inverse_dynamics;
 mod kinematics;
+mod published_gravity;
 mod symmetric;
 
 pub use chain::{Chain, ChainError, Link};
+pub use published_gravity::PublishedGravity;
 
 /// Panics when a slice of joint values is shorter than the chain.
 fn assert_joints(joint_count: usize, lengths: &[usize]) {

@@ -22,9 +22,24 @@ impl Gear {
         (self.ratio + 1.0) * circular_spline_rad_s - self.ratio * flexspline_rad_s
     }
 
+    /// Eq (2) for the flexspline's angle: what the output would show without compliance and kinematic error.
+    pub fn flexspline_rad(&self, wave_generator_rad: f64, circular_spline_rad: f64) -> f64 {
+        ((self.ratio + 1.0) * circular_spline_rad - wave_generator_rad) / self.ratio
+    }
+
+    /// Eq (3) for the flexspline's velocity.
+    pub fn flexspline_rad_s(&self, wave_generator_rad_s: f64, circular_spline_rad_s: f64) -> f64 {
+        ((self.ratio + 1.0) * circular_spline_rad_s - wave_generator_rad_s) / self.ratio
+    }
+
     /// Eq (4): torque at the wave generator that balances a torque at the flexspline.
     pub fn wave_generator_nm(&self, flexspline_nm: f64) -> f64 {
         flexspline_nm / self.ratio
+    }
+
+    /// Eq (4): torque at the flexspline beside a torque at the wave generator.
+    pub fn flexspline_nm(&self, wave_generator_nm: f64) -> f64 {
+        self.ratio * wave_generator_nm
     }
 
     /// Eq (4): torque at the circular spline beside a torque at the wave generator.
@@ -51,9 +66,32 @@ mod tests {
     }
 
     #[test]
+    fn with_the_flexspline_fixed_the_circular_spline_turns_along_n_plus_one_times_slower() {
+        assert_eq!(GEAR.wave_generator_rad(1.0, 0.0), 51.0);
+    }
+
+    #[test]
+    fn the_flexspline_follows_from_the_other_two() {
+        for (circular_rad, flexspline_rad) in [(0.0, 0.2), (0.3, 0.3), (-0.7, 1.3)] {
+            let input_rad = GEAR.wave_generator_rad(circular_rad, flexspline_rad);
+            assert!((GEAR.flexspline_rad(input_rad, circular_rad) - flexspline_rad).abs() < 1e-12);
+            let input_rad_s = GEAR.wave_generator_rad_s(circular_rad, flexspline_rad);
+            assert!(
+                (GEAR.flexspline_rad_s(input_rad_s, circular_rad) - flexspline_rad).abs() < 1e-12
+            );
+        }
+    }
+
+    #[test]
+    fn the_torques_stand_as_one_to_n_to_n_plus_one() {
+        assert_eq!(GEAR.flexspline_nm(0.2), 10.0);
+        assert!((GEAR.circular_spline_nm(0.2) - 10.2).abs() < 1e-12);
+    }
+
+    #[test]
     fn power_in_is_power_out() {
         let (circular_rad_s, flexspline_rad_s, wave_generator_nm) = (0.7, -1.3, 0.2);
-        let flexspline_nm = GEAR.ratio * wave_generator_nm;
+        let flexspline_nm = GEAR.flexspline_nm(wave_generator_nm);
         assert!((GEAR.wave_generator_nm(flexspline_nm) - wave_generator_nm).abs() < 1e-15);
         let input_w =
             wave_generator_nm * GEAR.wave_generator_rad_s(circular_rad_s, flexspline_rad_s);
