@@ -43,6 +43,7 @@
 #![forbid(unsafe_code)]
 
 mod deviation;
+pub mod drives;
 mod error;
 mod inject;
 mod latch;

@@ -8,16 +8,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use realtime::clock::monotonic_ns;
 use realtime::grant::{Request, apply};
 use robot::{Injection, Robot};
-use shm_types::JOINTS_MAX;
 use shm_types::bus::{Bus, BusError, Listener, Notifier, Reader, Writer};
 use shm_types::instance::{Instance, InstanceError, Mode, RunConfig};
-use shm_types::messages::{
-    DriveCommand, DriveMode, DriveSample, Header, Heartbeat, PlantTruth, Readings,
-};
+use shm_types::messages::{DriveCommand, DriveSample, Heartbeat, PlantTruth};
 use shm_types::topics::{self, Role};
 
-use crate::latch::CommandLatch;
-use crate::{DriveState, Plant, PlantCommand, PlantError, PlantMode, PlantParameters};
+use crate::drives::EmulatedDrives;
+use crate::{Plant, PlantError, PlantParameters};
 
 /// Below the loop and the controller.
 const FIFO_PRIORITY: u8 = 70;
@@ -49,7 +46,7 @@ pub enum EmulatorError {
 /// [`EmulatorError`] if it cannot start.
 pub fn run(instance: &Instance, stop: &AtomicBool) -> Result<(), EmulatorError> {
     let run = instance.run_config()?;
-    let robot = robot::load(&run.robot)?;
+    let robot = robot::load(run.plant.as_ref().unwrap_or(&run.robot))?;
     let injections = match &run.inject {
         Some(path) => robot::load_injection(path, &robot)?,
         None => Vec::new(),
@@ -58,8 +55,7 @@ pub fn run(instance: &Instance, stop: &AtomicBool) -> Result<(), EmulatorError> 
     let bus = Bus::join(instance)?;
     let mut emulator = Emulator {
         joint_count: robot.joints.len(),
-        plant,
-        latch: CommandLatch::default(),
+        drives: EmulatedDrives::new(plant, run.session, robot.joints.len()),
         command: bus.reader(&topics::DRIVE_COMMAND)?,
         command_ready: bus.listener(&topics::DRIVE_COMMAND_READY, RECHECK_NS)?,
         sample: bus.writer(&topics::DRIVE_SAMPLE)?,
@@ -67,7 +63,6 @@ pub fn run(instance: &Instance, stop: &AtomicBool) -> Result<(), EmulatorError> 
         truth: bus.writer(&topics::PLANT_TRUTH)?,
         heartbeat: bus.writer(&Role::Emulator.heartbeat())?,
         beat_at_ns: 0,
-        commands_missed: 0,
         run,
     };
     let _held = (emulator.run.mode == Mode::Realtime).then(|| {
@@ -106,8 +101,7 @@ pub fn emulated_plant(
 struct Emulator {
     run: RunConfig,
     joint_count: usize,
-    plant: Plant,
-    latch: CommandLatch,
+    drives: EmulatedDrives,
     command: Reader<DriveCommand>,
     command_ready: Listener,
     sample: Writer<DriveSample>,
@@ -115,7 +109,6 @@ struct Emulator {
     truth: Writer<PlantTruth>,
     heartbeat: Writer<Heartbeat>,
     beat_at_ns: u64,
-    commands_missed: u32,
 }
 
 impl Emulator {
@@ -124,29 +117,20 @@ impl Emulator {
             return;
         };
         let period_ns = self.run.period_ns;
-        self.publish(0, epoch_ns, None);
-        let mut cycle = 0;
+        self.publish(epoch_ns);
         while !stop.load(Ordering::Relaxed) {
+            let latch_ns = epoch_ns + self.drives.cycle() * period_ns;
             match self.run.mode {
                 // Half a period before the latch: time to spare for the plant, and for a late command none is missed.
-                Mode::Realtime => {
-                    self.wait_until(epoch_ns + cycle * period_ns + period_ns / 2, stop)
-                }
-                Mode::Lockstep => self.wait_for_command(cycle, stop),
+                Mode::Realtime => self.wait_until(latch_ns + period_ns / 2, stop),
+                Mode::Lockstep => self.wait_for_command(stop),
             }
             if stop.load(Ordering::Relaxed) {
                 return;
             }
             self.take_commands();
-            let (command, fresh) = self.latch.acting_in(cycle);
-            self.commands_missed = if fresh || cycle == 0 {
-                0
-            } else {
-                self.commands_missed.saturating_add(1)
-            };
-            self.advance(command.as_ref(), fresh || cycle == 0);
-            cycle += 1;
-            self.publish(cycle, epoch_ns + cycle * period_ns, command.as_ref());
+            self.drives.advance();
+            self.publish(latch_ns + period_ns);
         }
     }
 
@@ -182,11 +166,10 @@ impl Emulator {
         }
     }
 
-    /// In lockstep the interval from latch `cycle` on is settled by the command of the cycle before.
-    fn wait_for_command(&mut self, cycle: u64, stop: &AtomicBool) {
-        while cycle > 0 && !stop.load(Ordering::Relaxed) {
+    fn wait_for_command(&mut self, stop: &AtomicBool) {
+        while !stop.load(Ordering::Relaxed) {
             self.take_commands();
-            if self.latch.has(cycle - 1) {
+            if self.drives.is_settled() {
                 return;
             }
             self.sleep(BEAT_NS);
@@ -213,94 +196,16 @@ impl Emulator {
 
     fn take_commands(&mut self) {
         while let Some(command) = self.command.take() {
-            if command
-                .header
-                .check(self.run.session, self.joint_count)
-                .is_ok()
-            {
-                self.latch.push(command);
-            }
+            self.drives.take(command);
         }
     }
 
-    fn advance(&mut self, command: Option<&DriveCommand>, fresh: bool) {
-        let plant_command = command
-            .and_then(plant_command)
-            .unwrap_or(PlantCommand { fresh, ..BRAKED });
-        self.plant.step(&PlantCommand {
-            fresh,
-            ..plant_command
-        });
-    }
-
-    fn publish(&mut self, cycle: u64, latched_at_ns: u64, acted: Option<&DriveCommand>) {
-        let header = Header {
-            session: self.run.session,
-            cycle,
-            measured_at_ns: latched_at_ns,
-            joint_count: self.joint_count as u64,
-        };
-        let truth = self.plant.truth();
-        self.truth.send(PlantTruth {
-            header,
-            link_position_rad: truth.link_position_rad,
-            link_velocity_rad_s: truth.link_velocity_rad_s,
-            joint_torque_nm: truth.joint_torque_nm,
-            friction_torque_nm: truth.friction_torque_nm,
-        });
-        let sample = self.plant.sample();
-        let readings = Readings {
-            motor_position_rad: sample.motor_position_rad,
-            motor_velocity_rad_s: sample.motor_velocity_rad_s,
-            link_position_rad: sample.link_position_rad,
-            motor_torque_nm: sample.motor_torque_nm,
-            joint_torque_nm: sample.joint_torque_nm,
-            ..Readings::default()
-        };
-        let stopped = sample
-            .drive
-            .iter()
-            .any(|drive| matches!(drive, DriveState::Watchdog { .. }));
-        let mode = match acted {
-            _ if stopped => DriveMode::Damping as u32,
-            Some(command) => command.mode,
-            None => DriveMode::Braked as u32,
-        };
-        self.sample.send(DriveSample {
-            header,
-            readings,
-            commands_missed: self.commands_missed,
-            mode,
-        });
+    fn publish(&mut self, latched_at_ns: u64) {
+        let (sample, truth) = self.drives.measure(latched_at_ns);
+        self.truth.send(truth);
+        self.sample.send(sample);
         self.sample_ready.notify();
         self.truth.prepare();
         self.sample.prepare();
     }
-}
-
-/// Brakes closed.
-const BRAKED: PlantCommand = PlantCommand {
-    fresh: true,
-    mode: PlantMode::Braked,
-    motor_torque_nm: [0.0; JOINTS_MAX],
-    joint_velocity_rad_s: [0.0; JOINTS_MAX],
-};
-
-/// What a drive makes of a command; `None` if it knows no such mode or a number is none.
-fn plant_command(command: &DriveCommand) -> Option<PlantCommand> {
-    let mode = match DriveMode::from_raw(command.mode)? {
-        DriveMode::Braked => PlantMode::Braked,
-        DriveMode::Damping => PlantMode::Damping,
-        DriveMode::Torque => PlantMode::Torque,
-        DriveMode::Velocity => PlantMode::Velocity,
-    };
-    let finite = |values: &[f64; JOINTS_MAX]| values.iter().all(|value| value.is_finite());
-    (finite(&command.motor_torque_nm) && finite(&command.joint_velocity_rad_s)).then_some(
-        PlantCommand {
-            fresh: true,
-            mode,
-            motor_torque_nm: command.motor_torque_nm,
-            joint_velocity_rad_s: command.joint_velocity_rad_s,
-        },
-    )
 }

@@ -13,11 +13,13 @@
 
 use shm_types::JOINTS_MAX;
 use shm_types::messages::{
-    Command, DriveCommand, DriveMode, DriveSample, Header, LoopState, PerJoint, SensorSample,
+    ABSENT, Command, DriveCommand, DriveMode, DriveSample, Header, LoopState, LoopStatus, PerJoint,
+    SensorSample,
 };
 
 use crate::driver::DriveFault;
-use crate::limits::{JointLimits, JointMotion, allowed_torques_nm};
+use crate::limits::{JointLimits, JointMotion, allowed_torques_nm, allowed_velocities_rad_s};
+use crate::statistics::{Counters, CycleTimes};
 
 /// What does not change during a run.
 #[derive(Clone, Debug, PartialEq)]
@@ -96,9 +98,11 @@ pub struct CycleState {
     motion_time_ns: u64,
     motion_rate: f64,
     last_cycle: u64,
+    sent_mode: DriveMode,
     sent_torque_nm: PerJoint,
-    /// Cycles in a row in which the drives were sent a torque.
-    torque_cycles: u64,
+    sent_velocity_rad_s: PerJoint,
+    /// Cycles in a row in which the drives were sent a torque or a velocity.
+    moving_cycles: u64,
     motion: [JointMotion; JOINTS_MAX],
     /// Cycle of the last measurement; a velocity needs two.
     measured_cycle: Option<u64>,
@@ -113,8 +117,10 @@ impl Default for CycleState {
             motion_time_ns: 0,
             motion_rate: 1.0,
             last_cycle: 0,
+            sent_mode: DriveMode::Torque,
             sent_torque_nm: [0.0; JOINTS_MAX],
-            torque_cycles: 0,
+            sent_velocity_rad_s: [0.0; JOINTS_MAX],
+            moving_cycles: 0,
             motion: [JointMotion::default(); JOINTS_MAX],
             measured_cycle: None,
         }
@@ -250,7 +256,7 @@ impl CycleState {
     /// Whether the drives damp although a torque should have reached them by now.
     fn drives_have_stopped(&self, sample: Result<&DriveSample, DriveFault>) -> bool {
         let damping = sample.is_ok_and(|sample| sample.mode == DriveMode::Damping as u32);
-        damping && self.torque_cycles > DRIVE_ANSWER_CYCLES
+        damping && self.moving_cycles > DRIVE_ANSWER_CYCLES
     }
 
     fn runaway_joint(&self, config: &CycleConfig) -> Option<u32> {
@@ -283,40 +289,21 @@ impl CycleState {
         let mut limited_joints = 0;
         let mode = match self.state {
             LoopState::Initialising | LoopState::Ready | LoopState::SafeStop => {
-                self.sent_torque_nm = [0.0; JOINTS_MAX];
+                self.forget_sent();
                 DriveMode::Braked
             }
             LoopState::Running => {
                 if let Some(command) = input.command {
-                    let first = self.fault.is_none() && self.sent_torque_nm == [0.0; JOINTS_MAX];
-                    // Brakes open with this torque: from zero, the rate limit would let the arm sag first.
-                    let before_nm = if first {
-                        command.motor_torque_nm
-                    } else {
-                        self.sent_torque_nm
-                    };
-                    (self.sent_torque_nm, limited_joints) = allowed_torques_nm(
-                        &config.joints,
-                        &command.motor_torque_nm,
-                        &before_nm,
-                        &self.motion,
-                        config.period_s(),
-                    );
+                    limited_joints = self.obey(config, command);
                 }
-                DriveMode::Torque
+                self.sent_mode
             }
             LoopState::Holding => {
-                let held_nm = self.sent_torque_nm;
-                (self.sent_torque_nm, limited_joints) = allowed_torques_nm(
-                    &config.joints,
-                    &held_nm,
-                    &held_nm,
-                    &self.motion,
-                    config.period_s(),
-                );
-                DriveMode::Torque
+                limited_joints = self.hold(config);
+                self.sent_mode
             }
             LoopState::Damping => {
+                self.sent_velocity_rad_s = [0.0; JOINTS_MAX];
                 for (joint, limits) in config.joints.iter().enumerate() {
                     self.sent_torque_nm[joint] = limits.damping_torque_nm(self.motion[joint]);
                 }
@@ -330,10 +317,9 @@ impl CycleState {
                 }
             }
         };
-        self.torque_cycles = if mode == DriveMode::Torque {
-            self.torque_cycles + 1
-        } else {
-            0
+        self.moving_cycles = match mode {
+            DriveMode::Torque | DriveMode::Velocity => self.moving_cycles + 1,
+            DriveMode::Braked | DriveMode::Damping => 0,
         };
         let header = Header {
             session: config.session,
@@ -346,20 +332,111 @@ impl CycleState {
             mode: mode as u32,
             reserved: 0,
             motor_torque_nm: self.sent_torque_nm,
-            joint_velocity_rad_s: [0.0; JOINTS_MAX],
+            joint_velocity_rad_s: self.sent_velocity_rad_s,
         };
         CycleOutput {
             drive_command,
             limited_joints,
         }
     }
+
+    fn forget_sent(&mut self) {
+        self.sent_torque_nm = [0.0; JOINTS_MAX];
+        self.sent_velocity_rad_s = [0.0; JOINTS_MAX];
+    }
+
+    /// What the command asks for, within the limits.
+    fn obey(&mut self, config: &CycleConfig, command: &Command) -> u64 {
+        let first = self.fault.is_none() && self.moving_cycles == 0;
+        if DriveMode::from_raw(command.mode) == Some(DriveMode::Velocity) {
+            self.sent_mode = DriveMode::Velocity;
+            self.limited_velocity(config, &command.joint_velocity_rad_s)
+        } else {
+            self.sent_mode = DriveMode::Torque;
+            // Brakes open with this torque: from zero, the rate limit would let the arm sag first.
+            if first {
+                self.sent_torque_nm = command.motor_torque_nm;
+            }
+            self.limited_torque(config, &command.motor_torque_nm)
+        }
+    }
+
+    /// What was sent last, within the limits.
+    fn hold(&mut self, config: &CycleConfig) -> u64 {
+        if self.sent_mode == DriveMode::Velocity {
+            let held_rad_s = self.sent_velocity_rad_s;
+            self.limited_velocity(config, &held_rad_s)
+        } else {
+            let held_nm = self.sent_torque_nm;
+            self.limited_torque(config, &held_nm)
+        }
+    }
+
+    fn limited_torque(&mut self, config: &CycleConfig, asked_nm: &PerJoint) -> u64 {
+        let (torque_nm, limited_joints) = allowed_torques_nm(
+            &config.joints,
+            asked_nm,
+            &self.sent_torque_nm,
+            &self.motion,
+            config.period_s(),
+        );
+        self.sent_torque_nm = torque_nm;
+        self.sent_velocity_rad_s = [0.0; JOINTS_MAX];
+        limited_joints
+    }
+
+    fn limited_velocity(&mut self, config: &CycleConfig, asked_rad_s: &PerJoint) -> u64 {
+        let (velocity_rad_s, limited_joints) = allowed_velocities_rad_s(
+            &config.joints,
+            asked_rad_s,
+            &self.sent_velocity_rad_s,
+            &self.motion,
+            config.period_s(),
+        );
+        self.sent_velocity_rad_s = velocity_rad_s;
+        self.sent_torque_nm = [0.0; JOINTS_MAX];
+        limited_joints
+    }
 }
 
-/// Whether a command may be used at all: every joint's torque is a number.
-pub fn is_finite(command: &Command, joint_count: usize) -> bool {
-    command.motor_torque_nm[..joint_count]
-        .iter()
-        .all(|torque| torque.is_finite())
+/// The message that ends a cycle: how the loop stands, what it sent, how it kept its time.
+pub fn loop_status(
+    state: &CycleState,
+    output: &CycleOutput,
+    times: &CycleTimes,
+    counters: &Counters,
+) -> LoopStatus {
+    let sent = &output.drive_command;
+    LoopStatus {
+        header: sent.header,
+        state: state.state as u32,
+        fault: state.fault.map_or(0, |fault| fault.code()),
+        limited_joints: output.limited_joints,
+        wakeup_lateness_ns: times.wakeup_lateness_ns,
+        compute_ns: times.compute_ns,
+        command_latency_ns: times.command_latency_ns,
+        exchange_ns: times.exchange_ns,
+        missed_deadlines: counters.missed_deadlines,
+        skipped_periods: counters.skipped_periods,
+        stale_commands: counters.stale_commands,
+        refused_commands: counters.refused_commands(),
+        // In velocity mode no torque was commanded, which is not the same as none.
+        motor_torque_nm: if sent.mode == DriveMode::Velocity as u32 {
+            ABSENT
+        } else {
+            sent.motor_torque_nm
+        },
+    }
+}
+
+/// Whether a command may be used at all: it asks for torque or velocity, and every joint's is a number.
+pub fn is_usable(command: &Command, joint_count: usize) -> bool {
+    let asked = match DriveMode::from_raw(command.mode) {
+        Some(DriveMode::Torque) => &command.motor_torque_nm,
+        Some(DriveMode::Velocity) => &command.joint_velocity_rad_s,
+        Some(DriveMode::Braked | DriveMode::Damping) | None => return false,
+    };
+    asked[..joint_count].iter().all(|value| value.is_finite())
 }
 
 /// Whether a drive sample may be used: it is of this run and robot, and every joint has a position.
@@ -400,6 +477,7 @@ mod tests {
             position_min_rad: -1.0,
             position_max_rad: 1.0,
             velocity_rad_s: 1.0,
+            acceleration_rad_s2: 10.0,
             damping_nm_s_rad: 50.0,
         };
         CycleConfig {
@@ -428,6 +506,7 @@ mod tests {
 
     fn command(torque_nm: f64) -> Command {
         Command {
+            mode: DriveMode::Torque as u32,
             motor_torque_nm: [torque_nm; JOINTS_MAX],
             ..Command::default()
         }
@@ -567,6 +646,45 @@ mod tests {
     }
 
     #[test]
+    fn velocities_are_limited_held_and_dropped_like_torques() {
+        let still = sample(0.0);
+        let ask = |velocity_rad_s| Command {
+            mode: DriveMode::Velocity as u32,
+            joint_velocity_rad_s: [velocity_rad_s; JOINTS_MAX],
+            ..Command::default()
+        };
+        let mut state = CycleState::default();
+        let mut sent_rad_s = 0.0;
+        for cycle in 0..200 {
+            let output = run(&mut state, cycle, Ok(&still), Some(&ask(5.0)));
+            assert_eq!(output.drive_command.mode, DriveMode::Velocity as u32);
+            let rad_s = output.drive_command.joint_velocity_rad_s[0];
+            assert!(
+                rad_s - sent_rad_s < 10.0 / 1500.0 + 1e-6,
+                "no faster than the limit"
+            );
+            sent_rad_s = rad_s;
+        }
+        assert_eq!(sent_rad_s, 1.0, "the velocity limit");
+        let held = run(&mut state, 200, Ok(&still), None);
+        assert_eq!(held.drive_command.joint_velocity_rad_s[0], 1.0);
+        for cycle in 201..210 {
+            run(&mut state, cycle, Ok(&still), None);
+        }
+        let damped = run(&mut state, 210, Ok(&still), None);
+        assert_ne!(damped.drive_command.mode, DriveMode::Velocity as u32);
+        assert_eq!(damped.drive_command.joint_velocity_rad_s[0], 0.0);
+        assert!(!is_usable(&ask(f64::NAN), 2));
+        assert!(!is_usable(
+            &Command {
+                mode: 9,
+                ..ask(0.0)
+            },
+            2
+        ));
+    }
+
+    #[test]
     fn a_joint_that_runs_away_ends_the_run() {
         let hold = command(0.0);
         let mut state = CycleState::default();
@@ -587,7 +705,7 @@ mod tests {
             check_sample(&broken, 9, 2),
             Err(DriveFault::InvalidSample { joint: 1 })
         );
-        assert!(!is_finite(&command(f64::NAN), 2));
+        assert!(!is_usable(&command(f64::NAN), 2));
     }
 
     proptest! {

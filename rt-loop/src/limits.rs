@@ -20,6 +20,8 @@ pub struct JointLimits {
     pub position_max_rad: f64,
     /// Joint side, both directions.
     pub velocity_rad_s: f64,
+    /// Joint side, both directions: how fast a commanded velocity may change.
+    pub acceleration_rad_s2: f64,
     /// Joint side: brakes a joint beyond its limits, and all joints when commands stop.
     pub damping_nm_s_rad: f64,
 }
@@ -56,6 +58,27 @@ impl JointLimits {
         rated_nm
             .clamp(lowest_nm, highest_nm)
             .clamp(-self.motor_torque_nm, self.motor_torque_nm)
+    }
+
+    /// The velocity that may be sent instead of `asked_rad_s`, joint side; equal to it where no limit acts.
+    ///
+    /// `sent_rad_s` was sent one `period_s` ago. `asked_rad_s` is finite.
+    pub fn allowed_velocity_rad_s(
+        &self,
+        asked_rad_s: f64,
+        sent_rad_s: f64,
+        motion: JointMotion,
+        period_s: f64,
+    ) -> f64 {
+        let step_rad_s = self.acceleration_rad_s2 * period_s;
+        let rated_rad_s = asked_rad_s.clamp(sent_rad_s - step_rad_s, sent_rad_s + step_rad_s);
+        let (mut lowest_rad_s, mut highest_rad_s) = (-self.velocity_rad_s, self.velocity_rad_s);
+        if motion.position_rad > self.position_max_rad {
+            highest_rad_s = 0.0;
+        } else if motion.position_rad < self.position_min_rad {
+            lowest_rad_s = 0.0;
+        }
+        rated_rad_s.clamp(lowest_rad_s, highest_rad_s)
     }
 
     /// Motor torque that brakes this motion.
@@ -114,6 +137,30 @@ pub fn allowed_torques_nm(
     (torque_nm, limited_joints)
 }
 
+/// [`allowed_torques_nm`] for velocities.
+pub fn allowed_velocities_rad_s(
+    limits: &[JointLimits],
+    asked_rad_s: &[f64; JOINTS_MAX],
+    sent_rad_s: &[f64; JOINTS_MAX],
+    motion: &[JointMotion; JOINTS_MAX],
+    period_s: f64,
+) -> ([f64; JOINTS_MAX], u64) {
+    let mut velocity_rad_s = [0.0; JOINTS_MAX];
+    let mut limited_joints = 0;
+    for (joint, limit) in limits.iter().enumerate() {
+        velocity_rad_s[joint] = limit.allowed_velocity_rad_s(
+            asked_rad_s[joint],
+            sent_rad_s[joint],
+            motion[joint],
+            period_s,
+        );
+        if velocity_rad_s[joint] != asked_rad_s[joint] {
+            limited_joints |= 1 << joint;
+        }
+    }
+    (velocity_rad_s, limited_joints)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -126,6 +173,7 @@ mod tests {
         position_min_rad: -1.0,
         position_max_rad: 1.0,
         velocity_rad_s: 0.5,
+        acceleration_rad_s2: 5.0,
         damping_nm_s_rad: 50.0,
     };
     const STILL: JointMotion = JointMotion {

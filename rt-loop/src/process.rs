@@ -16,7 +16,9 @@ use shm_types::messages::{
 };
 use shm_types::topics::{self, Role};
 
-use crate::cycle::{CycleConfig, CycleInput, CycleState, check_sample, is_finite};
+use crate::cycle::{
+    CycleConfig, CycleInput, CycleOutput, CycleState, check_sample, is_usable, loop_status,
+};
 use crate::driver::Driver;
 use crate::emulator_driver::EmulatorDriver;
 use crate::limits::JointLimits;
@@ -119,12 +121,17 @@ pub fn cycle_config(run: &RunConfig, robot: &Robot) -> CycleConfig {
 const NO_TORQUE_LIMIT_NM: f64 = 1e6;
 /// A torque may go from nothing to its limit in this time.
 const FULL_TORQUE_TIME_S: f64 = 0.01;
+/// A commanded velocity may go from nothing to its limit in this time.
+const FULL_VELOCITY_TIME_S: f64 = 0.1;
 /// Without a velocity limit in the robot file.
 const NO_VELOCITY_LIMIT_RAD_S: f64 = 1e3;
 
 fn joint_limits(robot: &Robot, index: usize) -> JointLimits {
     let joint = &robot.joints[index];
     let motor_torque_nm = joint.torque_limit_nm.unwrap_or(NO_TORQUE_LIMIT_NM);
+    let velocity_rad_s = joint
+        .velocity_limit_rad_s
+        .unwrap_or(NO_VELOCITY_LIMIT_RAD_S);
     let [position_min_rad, position_max_rad] = joint
         .position_limit_rad
         .unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
@@ -138,9 +145,8 @@ fn joint_limits(robot: &Robot, index: usize) -> JointLimits {
         motor_torque_rate_nm_s: motor_torque_nm / FULL_TORQUE_TIME_S,
         position_min_rad,
         position_max_rad,
-        velocity_rad_s: joint
-            .velocity_limit_rad_s
-            .unwrap_or(NO_VELOCITY_LIMIT_RAD_S),
+        velocity_rad_s,
+        acceleration_rad_s2: velocity_rad_s / FULL_VELOCITY_TIME_S,
         damping_nm_s_rad,
     }
 }
@@ -322,7 +328,7 @@ impl<D: Driver> Loop<D> {
             was_running,
             limited_joints: output.limited_joints,
         });
-        self.publish_status(&output.drive_command, &times, output.limited_joints);
+        self.publish_status(&output, &times);
         self.prepare_next(cycle);
     }
 
@@ -361,8 +367,8 @@ impl<D: Driver> Loop<D> {
             Err(Refusal::Session | Refusal::JointCount) => counters.foreign_commands += 1,
             Err(Refusal::OldCycle) => counters.late_commands += 1,
             Err(Refusal::FutureCycle) => counters.future_commands += 1,
-            Ok(()) if !is_finite(command, self.config.joint_count()) => {
-                counters.not_finite_commands += 1
+            Ok(()) if !is_usable(command, self.config.joint_count()) => {
+                counters.unusable_commands += 1
             }
             Ok(()) => return true,
         }
@@ -466,29 +472,15 @@ impl<D: Driver> Loop<D> {
         }
     }
 
-    fn publish_status(&mut self, sent: &DriveCommand, times: &CycleTimes, limited_joints: u64) {
+    fn publish_status(&mut self, output: &CycleOutput, times: &CycleTimes) {
         // Lockstep has no times: two runs must not differ.
         let times = if self.lockstep.is_some() {
             CycleTimes::default()
         } else {
             *times
         };
-        let counters = &self.statistics.counters;
-        self.status.send(LoopStatus {
-            header: sent.header,
-            state: self.state.state as u32,
-            fault: self.state.fault.map_or(0, |fault| fault.code()),
-            limited_joints,
-            wakeup_lateness_ns: times.wakeup_lateness_ns,
-            compute_ns: times.compute_ns,
-            command_latency_ns: times.command_latency_ns,
-            exchange_ns: times.exchange_ns,
-            missed_deadlines: counters.missed_deadlines,
-            skipped_periods: counters.skipped_periods,
-            stale_commands: counters.stale_commands,
-            refused_commands: counters.refused_commands(),
-            motor_torque_nm: sent.motor_torque_nm,
-        });
+        let status = loop_status(&self.state, output, &times, &self.statistics.counters);
+        self.status.send(status);
     }
 
     /// After everything urgent: the middleware's allocations for the next cycle, and now and then a heartbeat.

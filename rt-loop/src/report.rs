@@ -88,7 +88,7 @@ pub fn named_counters(statistics: &Statistics) -> BTreeMap<String, u64> {
         ("refused_foreign_commands", counters.foreign_commands),
         ("refused_late_commands", counters.late_commands),
         ("refused_future_commands", counters.future_commands),
-        ("refused_not_finite_commands", counters.not_finite_commands),
+        ("refused_unusable_commands", counters.unusable_commands),
         ("drive_faults", counters.drive_faults),
         ("limited_commands", counters.limited_commands),
         ("page_faults", counters.page_faults),

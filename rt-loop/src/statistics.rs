@@ -36,8 +36,8 @@ pub struct Counters {
     pub late_commands: u64,
     /// Commands refused because they answer a sample that was not sent.
     pub future_commands: u64,
-    /// Commands refused because a torque is not a number.
-    pub not_finite_commands: u64,
+    /// Commands refused because a torque or velocity is not a number, or their mode is none.
+    pub unusable_commands: u64,
     /// Cycles without a sample from the drives.
     pub drive_faults: u64,
     /// Joint commands that a limit changed.
@@ -55,7 +55,7 @@ pub struct Counters {
 impl Counters {
     /// Commands refused for whatever reason.
     pub fn refused_commands(&self) -> u64 {
-        self.foreign_commands + self.late_commands + self.future_commands + self.not_finite_commands
+        self.foreign_commands + self.late_commands + self.future_commands + self.unusable_commands
     }
 }
 

@@ -8,7 +8,9 @@ use joint_model::friction::SteadyFriction;
 use motion::{Reference, Trajectory};
 use robot::{ControlKind, Feedback, Feedforward as ModelPart, Robot};
 use shm_types::JOINTS_MAX;
-use shm_types::messages::{Command, PerJoint, SensorSample};
+use shm_types::messages::{Command, DriveMode, PerJoint, SensorSample};
+
+use crate::reference::ReferenceSource;
 
 use crate::velocity::VelocityFilter;
 
@@ -24,7 +26,7 @@ pub struct Feedforward {
     gains: Vec<Gains>,
     model: ModelPart,
     feedback: Feedback,
-    trajectory: Trajectory,
+    source: ReferenceSource,
     velocity: Vec<VelocityFilter>,
     period_s: f64,
     reference: Reference,
@@ -107,7 +109,7 @@ impl Feedforward {
             gains,
             model: control.feedforward,
             feedback: control.feedback,
-            trajectory,
+            source: ReferenceSource::new(trajectory),
             velocity: vec![velocity; robot.joints.len()],
             period_s,
             reference: Reference::default(),
@@ -119,10 +121,11 @@ impl Feedforward {
 
     /// The command that answers one sample. No allocation, no clock.
     pub fn command(&mut self, sample: &SensorSample) -> Command {
-        self.sample_reference(sample);
+        self.reference = *self.source.at(sample);
         self.rigid_body_torque();
         let mut command = Command {
             header: sample.header,
+            mode: DriveMode::Torque as u32,
             reference_position_rad: self.reference.position_rad,
             reference_velocity_rad_s: self.reference.velocity_rad_s,
             reference_acceleration_rad_s2: self.reference.acceleration_rad_s2,
@@ -137,22 +140,6 @@ impl Feedforward {
             command.motor_torque_nm[joint] = feedforward_nm + feedback_nm;
         }
         command
-    }
-
-    /// The trajectory advances at `motion_rate`, so its derivatives by wall time scale with it.
-    fn sample_reference(&mut self, sample: &SensorSample) {
-        self.trajectory
-            .sample(sample.motion_time_ns as f64 * 1e-9, &mut self.reference);
-        // Written by another process: out of range would be an absurd speed.
-        let rate = if sample.motion_rate.is_finite() {
-            sample.motion_rate.clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
-        for joint in 0..self.robot.joints.len() {
-            self.reference.velocity_rad_s[joint] *= rate;
-            self.reference.acceleration_rad_s2[joint] *= rate * rate;
-        }
     }
 
     fn rigid_body_torque(&mut self) {

@@ -7,7 +7,8 @@ use shm_types::instance::{Instance, InstanceError};
 use shm_types::topics::{self, Role};
 
 use crate::answering::{Service, serve};
-use crate::feedforward::{Feedforward, FeedforwardError};
+use crate::controller::Controller;
+use crate::feedforward::FeedforwardError;
 
 /// Below the loop, above the emulator: the loop waits for it.
 const FIFO_PRIORITY: u8 = 75;
@@ -41,7 +42,8 @@ pub fn run(instance: &Instance, stop: &AtomicBool) -> Result<(), FeedforwardProc
     let robot = robot::load(&run.robot)?;
     let trajectory = motion::load(&run.trajectory, &robot)?;
     let joint_count = robot.joints.len();
-    let mut controller = Feedforward::new(robot, trajectory, run.period_ns as f64 * 1e-9)?;
+    let period_s = run.period_ns as f64 * 1e-9;
+    let mut controller = Controller::new(run.control, robot, trajectory, period_s)?;
     let service = Service {
         role: Role::Feedforward,
         fifo_priority: FIFO_PRIORITY,

@@ -5,11 +5,14 @@
 #![forbid(unsafe_code)]
 
 pub mod answering;
+pub mod controller;
 pub mod estimator_process;
 pub mod estimators;
 pub mod feedforward;
 pub mod feedforward_process;
+pub mod reference;
 pub mod relay;
 pub mod relay_process;
 pub mod tracking;
 mod velocity;
+pub mod velocity_control;

@@ -1,8 +1,10 @@
 //! Puts the messages of one cycle, which several processes send, together into one row.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
-use recording::{JointCycle, JointTruth, LoopCycle};
+use recording::{Header, JointCycle, JointTruth, LoopCycle};
+use robot::Robot;
+use shm_types::instance::{Mode, RunConfig};
 use shm_types::messages::{Command, LoopStatus, PlantTruth, SensorSample, TorqueEstimate};
 
 /// Everything sent about one cycle; a message that did not come is missing.
@@ -103,6 +105,37 @@ pub fn record_row(
     Some(messages.status.as_ref().map(loop_cycle).unwrap_or_default())
 }
 
+/// What a recording says about its run.
+pub fn recording_header(run: &RunConfig, robot: &Robot) -> Header {
+    let mode = match run.mode {
+        Mode::Realtime => "realtime",
+        Mode::Lockstep => "lockstep",
+    };
+    let mut metadata = BTreeMap::from(
+        [
+            ("robot", run.robot.clone()),
+            ("driver", run.driver.clone()),
+            ("trajectory", run.trajectory.clone()),
+            ("mode", mode.to_owned()),
+            ("seed", run.seed.to_string()),
+            ("version", env!("CARGO_PKG_VERSION").to_owned()),
+        ]
+        .map(|(key, value)| (key.to_owned(), value)),
+    );
+    if let Some(path) = &run.inject {
+        metadata.insert("inject".to_owned(), path.display().to_string());
+    }
+    Header {
+        joint_names: robot
+            .joints
+            .iter()
+            .map(|joint| joint.name.clone())
+            .collect(),
+        sample_rate_hz: 1e9 / run.period_ns as f64,
+        metadata,
+    }
+}
+
 fn joint_cycle(messages: &CycleMessages, sample: &SensorSample, joint: usize) -> JointCycle {
     let present = |value: f64| value.is_finite().then_some(value);
     let readings = &sample.readings;
@@ -150,13 +183,13 @@ fn loop_cycle(status: &LoopStatus) -> LoopCycle {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shm_types::messages::Header;
+    use shm_types::messages::Header as MessageHeader;
 
     fn status(cycle: u64) -> LoopStatus {
         LoopStatus {
-            header: Header {
+            header: MessageHeader {
                 cycle,
-                ..Header::default()
+                ..MessageHeader::default()
             },
             ..LoopStatus::default()
         }

@@ -1,12 +1,11 @@
 //! The relay as a process: records the run, sums it up, and serves observers, so that none of them touches the loop.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use realtime::clock::{monotonic_ns, sleep_until};
 use realtime::grant::{Request, apply};
-use recording::{CycleRow, Header, JointCycle, JointTruth, WriteError, Writer as Recorder};
+use recording::{CycleRow, JointCycle, JointTruth, WriteError, Writer as Recorder};
 use robot::Robot;
 use shm_types::bus::{Bus, BusError, Reader, Writer};
 use shm_types::instance::{Instance, InstanceError, Mode, RunConfig};
@@ -16,7 +15,7 @@ use shm_types::messages::{
 use shm_types::topics::{self, Role};
 
 use crate::answering::{heartbeat_now, take_over};
-use crate::relay::{Assembler, CycleMessages, record_row};
+use crate::relay::{Assembler, CycleMessages, record_row, recording_header};
 use crate::tracking::{TRACKING_REPORT_FILE, Tracking};
 
 /// Between two looks at the topics, which hold more than a second of messages.
@@ -289,35 +288,5 @@ fn free_path(path: &Path, instance: &Instance) -> (PathBuf, Vec<String>) {
         }
         earlier.push(candidate.display().to_string());
         part += 1;
-    }
-}
-
-fn recording_header(run: &RunConfig, robot: &Robot) -> Header {
-    let mode = match run.mode {
-        Mode::Realtime => "realtime",
-        Mode::Lockstep => "lockstep",
-    };
-    let mut metadata = BTreeMap::from(
-        [
-            ("robot", run.robot.clone()),
-            ("driver", run.driver.clone()),
-            ("trajectory", run.trajectory.clone()),
-            ("mode", mode.to_owned()),
-            ("seed", run.seed.to_string()),
-            ("version", env!("CARGO_PKG_VERSION").to_owned()),
-        ]
-        .map(|(key, value)| (key.to_owned(), value)),
-    );
-    if let Some(path) = &run.inject {
-        metadata.insert("inject".to_owned(), path.display().to_string());
-    }
-    Header {
-        joint_names: robot
-            .joints
-            .iter()
-            .map(|joint| joint.name.clone())
-            .collect(),
-        sample_rate_hz: 1e9 / run.period_ns as f64,
-        metadata,
     }
 }

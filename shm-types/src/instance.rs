@@ -24,6 +24,16 @@ pub enum Mode {
     Lockstep,
 }
 
+/// What the drives are commanded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ControlMode {
+    /// Motor torque: model feedforward and low-gain feedback.
+    Torque,
+    /// Joint velocity, held by the drives' own loops.
+    Velocity,
+}
+
 /// How a process waits for the next message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -45,6 +55,10 @@ pub struct RunConfig {
     pub driver: String,
     /// Name of a trajectory, or an absolute path.
     pub trajectory: String,
+    /// Robot the emulated plant is made from; `robot` if none. They differ where a model was identified.
+    pub plant: Option<String>,
+    /// What the drives are commanded.
+    pub control: ControlMode,
     /// How time passes.
     pub mode: Mode,
     /// Control period.

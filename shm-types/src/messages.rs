@@ -221,18 +221,24 @@ pub struct SensorSample {
     pub readings: Readings,
 }
 
-/// Feedforward to loop: the torque for the cycle whose sample it answers, and what it was made of.
+/// Feedforward to loop: the torque or velocity for the cycle whose sample it answers, and what it was made of.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
 #[type_name("FlexsplineCommand")]
 pub struct Command {
     /// Cycle and instant of the sample it was computed from.
     pub header: Header,
-    /// The torque asked for, motor side.
+    /// [`DriveMode::Torque`] or [`DriveMode::Velocity`] as a number; anything else is refused by the loop.
+    pub mode: u32,
+    /// Not used; zero.
+    pub reserved: u32,
+    /// The torque asked for, motor side; for [`DriveMode::Torque`].
     pub motor_torque_nm: PerJoint,
-    /// Of that, what the model gave, motor side.
+    /// The velocity asked for, joint side; for [`DriveMode::Velocity`].
+    pub joint_velocity_rad_s: PerJoint,
+    /// Of the torque, what the model gave, motor side.
     pub feedforward_torque_nm: PerJoint,
-    /// Of that, what the feedback gave, motor side.
+    /// Of the torque, what the feedback gave, motor side.
     pub feedback_torque_nm: PerJoint,
     /// Where the joint should be, joint side.
     pub reference_position_rad: PerJoint,
@@ -327,7 +333,7 @@ const _: () = {
     assert!(size_of::<DriveCommand>() == 296);
     assert!(size_of::<DriveSample>() == 1064);
     assert!(size_of::<SensorSample>() == 1080);
-    assert!(size_of::<Command>() == 800);
+    assert!(size_of::<Command>() == 936);
     assert!(size_of::<TorqueEstimate>() == 288);
     assert!(size_of::<LoopStatus>() == 32 + 8 + 9 * 8 + 128);
     assert!(size_of::<Heartbeat>() == 32);

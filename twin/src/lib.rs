@@ -1,0 +1,204 @@
+//! The whole control loop with the emulated plant in one process: lockstep without processes.
+//!
+//! The same cores as in a run ([`rt_loop::cycle`], [`services::controller`], [`services::estimators`],
+//! [`plant_emulator::drives`]) pass their messages by hand instead of through shared memory. A twin's recording has the
+//! same bytes as that of `flexspline run --mode lockstep`; a test holds it to that.
+//!
+//! ```no_run
+//! # fn example(run: &shm_types::instance::RunConfig) -> Result<(), Box<dyn std::error::Error>> {
+//! let robot = robot::load("pa10")?;
+//! let trajectory = motion::load("lemniscate", &robot)?;
+//! let report = twin::record(run, twin::Robots::same(&robot), trajectory, &[], |_cycle| true)?;
+//! println!("{:?}", report.end_effector_error_m);
+//! # Ok(())
+//! # }
+//! ```
+#![forbid(unsafe_code)]
+
+use joint_model::filter::FilterError;
+use motion::Trajectory;
+use plant_emulator::PlantError;
+use plant_emulator::drives::EmulatedDrives;
+use plant_emulator::process::emulated_plant;
+use recording::{CycleRow, WriteError, Writer};
+use robot::{Injection, Robot};
+use rt_loop::cycle::{CycleInput, CycleState, Fault, loop_status};
+use rt_loop::process::cycle_config;
+use rt_loop::statistics::{Counters, CycleTimes};
+use services::controller::Controller;
+use services::estimators::Estimators;
+use services::feedforward::FeedforwardError;
+use services::relay::{CycleMessages, record_row, recording_header};
+use services::tracking::{Tracking, TrackingReport};
+use shm_types::instance::RunConfig;
+use shm_types::messages::{DriveCommand, DriveMode, Header, LoopState};
+
+/// Why a twin cannot run.
+#[derive(Debug, thiserror::Error)]
+pub enum TwinError {
+    /// The plant cannot be built.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
+    /// This robot cannot be controlled this way.
+    #[error(transparent)]
+    Feedforward(#[from] FeedforwardError),
+    /// An estimator cannot be built.
+    #[error(transparent)]
+    Estimator(#[from] FilterError),
+    /// The recording cannot be written.
+    #[error(transparent)]
+    Recording(#[from] WriteError),
+    /// The loop stopped for safety.
+    #[error("the loop stopped for safety at {time_s:.3} s: {fault}")]
+    SafeStop {
+        /// When.
+        time_s: f64,
+        /// Why.
+        fault: String,
+    },
+}
+
+/// What the emulated arm is made from and what the controller knows. They differ where a model was identified.
+#[derive(Clone, Copy, Debug)]
+pub struct Robots<'a> {
+    /// The plant deviates from this one.
+    pub plant: &'a Robot,
+    /// Limits, feedforward and estimators use this one.
+    pub model: &'a Robot,
+}
+
+impl<'a> Robots<'a> {
+    /// Both from one file, as `flexspline run` has it.
+    pub fn same(robot: &'a Robot) -> Self {
+        Self {
+            plant: robot,
+            model: robot,
+        }
+    }
+}
+
+/// Runs `run.cycles` cycles and hands every cycle's messages to `each`, until it returns `false`.
+///
+/// Of `run` only session, period, cycles, control mode, seed and initial position count.
+///
+/// # Errors
+/// [`TwinError`], also when the loop stopped for safety.
+pub fn simulate(
+    run: &RunConfig,
+    robots: Robots<'_>,
+    trajectory: Trajectory,
+    injections: &[Injection],
+    mut each: impl FnMut(&CycleMessages) -> bool,
+) -> Result<(), TwinError> {
+    let robot = robots.model;
+    let config = cycle_config(run, robot);
+    let period_s = run.period_ns as f64 * 1e-9;
+    let mut controller = Controller::new(run.control, robot.clone(), trajectory, period_s)?;
+    let mut estimators = Estimators::new(robot, period_s)?;
+    let plant = emulated_plant(robots.plant, run, injections)?;
+    let joint_count = robot.joints.len();
+    let mut drives = EmulatedDrives::new(plant, run.session, joint_count);
+    drives.take(brake(run, joint_count));
+    let mut state = CycleState::default();
+    for cycle in 0..run.cycles {
+        let planned_ns = cycle * run.period_ns;
+        let (drive_sample, truth) = drives.measure(planned_ns);
+        let sample = state.sensor_sample(&config, cycle, &drive_sample);
+        let command = controller.command(&sample);
+        let estimate = estimators.estimate(&sample);
+        let output = state.step(
+            &config,
+            &CycleInput {
+                cycle,
+                planned_ns,
+                sample: Ok(&drive_sample),
+                command: Some(&command),
+            },
+        );
+        drives.take(output.drive_command);
+        let status = loop_status(
+            &state,
+            &output,
+            &CycleTimes::default(),
+            &Counters::default(),
+        );
+        let messages = CycleMessages {
+            cycle,
+            sample: Some(sample),
+            command: Some(command),
+            estimate: Some(estimate),
+            status: Some(status),
+            truth: Some(truth),
+        };
+        if !each(&messages) {
+            return Ok(());
+        }
+        if state.state == LoopState::SafeStop {
+            return Err(TwinError::SafeStop {
+                time_s: planned_ns as f64 * 1e-9,
+                fault: state.fault.map_or("unknown".to_owned(), describe),
+            });
+        }
+        drives.advance();
+    }
+    Ok(())
+}
+
+/// Runs as [`simulate`] does and writes `run.record`, if it names a file. `each` is told every cycle and may end the run.
+///
+/// # Errors
+/// [`TwinError`]; what was recorded up to then stays.
+pub fn record(
+    run: &RunConfig,
+    robots: Robots<'_>,
+    trajectory: Trajectory,
+    injections: &[Injection],
+    mut each: impl FnMut(u64) -> bool,
+) -> Result<TrackingReport, TwinError> {
+    let robot = robots.model;
+    let mut writer = match &run.record {
+        Some(path) => Some(Writer::create(path, &recording_header(run, robot))?),
+        None => None,
+    };
+    let mut tracking = Tracking::new(robot);
+    let (mut joints, mut truth) = (Vec::new(), Vec::new());
+    let mut written = Ok(());
+    let simulated = simulate(run, robots, trajectory, injections, |messages| {
+        tracking.add(messages);
+        let loop_cycle = record_row(messages, robot.joints.len(), &mut joints, &mut truth);
+        if let (Some(writer), Some(loop_cycle)) = (&mut writer, &loop_cycle) {
+            written = writer.write_cycle(&CycleRow {
+                cycle: messages.cycle,
+                time_ns: messages.cycle * run.period_ns,
+                loop_cycle: Some(loop_cycle),
+                joints: &joints,
+                truth: (!truth.is_empty()).then_some(truth.as_slice()),
+            });
+        }
+        written.is_ok() && each(messages.cycle)
+    });
+    if let Some(writer) = writer {
+        writer.finish()?;
+    }
+    written?;
+    simulated?;
+    Ok(tracking.report())
+}
+
+/// The loop's first command: it tells the drives its clock, and keeps the brakes closed.
+fn brake(run: &RunConfig, joint_count: usize) -> DriveCommand {
+    DriveCommand {
+        header: Header {
+            session: run.session,
+            cycle: 0,
+            measured_at_ns: 0,
+            joint_count: joint_count as u64,
+        },
+        mode: DriveMode::Braked as u32,
+        ..DriveCommand::default()
+    }
+}
+
+fn describe(fault: Fault) -> String {
+    format!("{fault:?}")
+}
