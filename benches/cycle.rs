@@ -13,8 +13,8 @@ use rt_loop::process::cycle_config;
 use services::estimators::Estimators;
 use services::feedforward::Feedforward;
 use shm_types::bus::Bus;
-use shm_types::instance::{Instance, Mode, RunConfig, Wait};
-use shm_types::messages::{Command, DriveSample, SensorSample};
+use shm_types::instance::{ControlMode, Instance, Mode, RunConfig, Wait};
+use shm_types::messages::{Command, DriveMode, DriveSample, SensorSample};
 use shm_types::topics;
 
 const PERIOD_NS: u64 = 666_667;
@@ -29,6 +29,8 @@ fn config(robot: &Robot) -> CycleConfig {
         robot: robot.name.clone(),
         driver: "emulator".to_owned(),
         trajectory: "lemniscate".to_owned(),
+        plant: None,
+        control: ControlMode::Torque,
         mode: Mode::Lockstep,
         period_ns: PERIOD_NS,
         cycles: u64::MAX,
@@ -41,6 +43,13 @@ fn config(robot: &Robot) -> CycleConfig {
         initial_position_rad: vec![0.0; robot.joints.len()],
     };
     cycle_config(&run, robot)
+}
+
+fn torque_command() -> Command {
+    Command {
+        mode: DriveMode::Torque as u32,
+        ..Command::default()
+    }
 }
 
 /// A drive sample of an arm that moves slowly, as `cycle` would measure it.
@@ -72,7 +81,7 @@ fn loop_step(criterion: &mut Criterion) {
     criterion.bench_function("loop: one step", |bench| {
         bench.iter(|| {
             cycle += 1;
-            let (sample, command) = (drive_sample(cycle), Command::default());
+            let (sample, command) = (drive_sample(cycle), torque_command());
             let input = CycleInput {
                 cycle,
                 planned_ns: cycle * PERIOD_NS,

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use shm_types::instance::{Mode, Wait};
+use shm_types::instance::{ControlMode, Mode, Wait};
 
 /// A deterministic 1.5 kHz control loop for harmonic-drive robot joints over shared memory.
 #[derive(Debug, Parser)]
@@ -20,6 +20,8 @@ pub struct Cli {
 pub enum Command {
     /// Start the loop, its services and the plant; run; print what happened; stop everything
     Run(RunArguments),
+    /// Run the papers' identification experiments and fit the joint model
+    Identify(IdentifyArguments),
     /// One process of a running instance; started by `run`
     #[command(hide = true)]
     Process(ProcessArguments),
@@ -49,9 +51,15 @@ pub struct RunArguments {
     /// How long to run, as 15s or 500ms
     #[arg(long, default_value = "20s", value_name = "D", value_parser = humantime::parse_duration)]
     pub duration: Duration,
+    /// What the drives are commanded: torque, or velocity held by their own loops
+    #[arg(long, value_enum, default_value_t = ControlArgument::Torque)]
+    pub control: ControlArgument,
     /// Whether time is the wall clock's or waits for everybody
     #[arg(long, value_enum, default_value_t = ModeArgument::Realtime)]
     pub mode: ModeArgument,
+    /// Robot the emulated plant is made from, where --robot is a model identified on it; --robot if not given
+    #[arg(long, value_name = "NAME|FILE")]
+    pub plant: Option<String>,
     /// File of effects to add to the emulated plant
     #[arg(long, value_name = "FILE")]
     pub inject: Option<PathBuf>,
@@ -72,6 +80,78 @@ pub struct RunArguments {
     pub wait: WaitArgument,
 }
 
+/// `flexspline identify`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline identify friction --out friction/                  Tables I and II of the PA-10, 80 measurements a joint
+  flexspline identify periodic --out table/ --joint joint1      position-dependent friction of one joint
+  flexspline identify all --out arm/                            everything, into arm/identified.toml
+
+The arm moves in velocity mode, one joint at a time, on the emulator and in virtual time. Recordings and trajectories
+stay in the folder; what is recorded already is not run again, so a stopped call goes on where it was.
+Exit code: 0 done, 1 stopped or an experiment failed, 2 bad input.")]
+pub struct IdentifyArguments {
+    /// What to identify
+    #[arg(value_enum)]
+    pub what: IdentifyWhat,
+    /// Robot: pa10, shd17, or a robot file
+    #[arg(long, default_value = "pa10", value_name = "NAME|FILE")]
+    pub robot: String,
+    /// Folder for recordings, results and the identified robot file
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Only this joint; may be given again
+    #[arg(long, value_name = "NAME")]
+    pub joint: Vec<String>,
+    /// Where to write the results as JSON too; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+    /// Seed of everything random in the emulator
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub seed: u64,
+}
+
+/// What can be identified.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum IdentifyWhat {
+    /// Friction over velocity: Tables I and II
+    Friction,
+    /// Friction over the motor angle: Table III and the look-up table that is fed forward
+    Periodic,
+    /// Torque over gravity load: Table V; friction must be known, from the robot file or with `all`
+    Stiffness,
+    /// Everything, each step with what the steps before it found
+    All,
+}
+
+impl IdentifyWhat {
+    /// As typed.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Friction => "friction",
+            Self::Periodic => "periodic",
+            Self::Stiffness => "stiffness",
+            Self::All => "all",
+        }
+    }
+
+    /// Whether friction over velocity is wanted.
+    pub fn friction(self) -> bool {
+        matches!(self, Self::Friction | Self::All)
+    }
+
+    /// Whether torque over gravity load is wanted.
+    pub fn stiffness(self) -> bool {
+        matches!(self, Self::Stiffness | Self::All)
+    }
+
+    /// Whether friction over the motor angle is wanted.
+    pub fn periodic(self) -> bool {
+        matches!(self, Self::Periodic | Self::All)
+    }
+}
+
 /// See [`Mode`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum ModeArgument {
@@ -86,6 +166,24 @@ impl From<ModeArgument> for Mode {
         match argument {
             ModeArgument::Realtime => Self::Realtime,
             ModeArgument::Lockstep => Self::Lockstep,
+        }
+    }
+}
+
+/// See [`ControlMode`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ControlArgument {
+    /// Model feedforward and low-gain feedback, as torque
+    Torque,
+    /// The reference's velocity, as in identification
+    Velocity,
+}
+
+impl From<ControlArgument> for ControlMode {
+    fn from(argument: ControlArgument) -> Self {
+        match argument {
+            ControlArgument::Torque => Self::Torque,
+            ControlArgument::Velocity => Self::Velocity,
         }
     }
 }

@@ -2,6 +2,7 @@
 
 mod cli;
 mod error;
+mod identify;
 mod process;
 mod run;
 mod supervisor;
@@ -25,6 +26,7 @@ fn main() -> ExitCode {
     };
     let outcome = match cli.command {
         Command::Run(arguments) => run::run(&arguments),
+        Command::Identify(arguments) => identify::identify(&arguments),
         Command::Process(arguments) => process::run(&arguments),
     };
     match outcome {

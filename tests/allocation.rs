@@ -13,7 +13,7 @@ use rt_loop::driver::{DriveFault, Driver};
 use rt_loop::emulator_driver::EmulatorDriver;
 use rt_loop::process::control;
 use shm_types::bus::Bus;
-use shm_types::instance::{Instance, Mode, RunConfig, Wait};
+use shm_types::instance::{ControlMode, Instance, Mode, RunConfig, Wait};
 use shm_types::messages::{DriveCommand, DriveSample};
 
 struct Counting;
@@ -96,6 +96,8 @@ fn heap_calls_of_a_run() -> u64 {
         robot: "pa10".to_owned(),
         driver: "emulator".to_owned(),
         trajectory: "lemniscate".to_owned(),
+        plant: None,
+        control: ControlMode::Torque,
         mode: Mode::Lockstep,
         period_ns: 666_667,
         cycles: WATCHED.end + 100,

@@ -5,6 +5,7 @@ mod support;
 use std::fs;
 
 use recording::Signal;
+use shm_types::instance::{ControlMode, Mode, RunConfig, Wait};
 use support::{Bench, output, text};
 
 fn run(bench: &Bench, arguments: &[&str]) -> Vec<u8> {
@@ -30,6 +31,45 @@ fn two_runs_give_the_same_bytes_and_another_seed_gives_others() {
         bytes != run(&third, &["--duration", "3s", "--seed", "2"]),
         "the seed changes nothing"
     );
+}
+
+#[test]
+fn the_twin_in_one_process_gives_the_same_bytes() {
+    for (name, control) in [
+        ("torque", ControlMode::Torque),
+        ("velocity", ControlMode::Velocity),
+    ] {
+        let bench = Bench::new(&format!("tw-{}", &name[..3]));
+        let bytes = run(&bench, &["--duration", "2s", "--control", name]);
+        let robot = robot::load("pa10").expect("shipped");
+        let trajectory = motion::load("lemniscate", &robot).expect("shipped");
+        let mut start = motion::Reference::default();
+        trajectory.sample(0.0, &mut start);
+        let path = bench.file("twin.mcap");
+        let config = RunConfig {
+            session: 99,
+            robot: "pa10".to_owned(),
+            driver: "emulator".to_owned(),
+            trajectory: "lemniscate".to_owned(),
+            plant: None,
+            control,
+            mode: Mode::Lockstep,
+            period_ns: 666_667,
+            cycles: 2_999,
+            wait: Wait::Block,
+            seed: 1,
+            inject: None,
+            record: Some(path.clone()),
+            command_deadline_ns: 500_000,
+            cores: Vec::new(),
+            initial_position_rad: start.position_rad[..7].to_vec(),
+        };
+        twin::record(&config, twin::Robots::same(&robot), trajectory, &[], |_| {
+            true
+        })
+        .expect("runs");
+        assert!(bytes == fs::read(path).expect("recorded"), "{name} differs");
+    }
 }
 
 #[test]

@@ -11,6 +11,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use realtime::grant::usable_cores;
 use realtime::process::user_id;
+use robot::Robot;
 use rt_loop::report::{LOOP_REPORT_FILE, LoopReport};
 use services::tracking::{TRACKING_REPORT_FILE, TrackingReport};
 use shm_types::instance::{Instance, Mode, RunConfig};
@@ -127,12 +128,21 @@ impl Plan {
         if let Some(path) = &arguments.inject {
             robot::load_injection(path, &robot).map_err(CliError::input)?;
         }
+        let plant = arguments
+            .plant
+            .as_ref()
+            .map(|plant| absolute_if_file(plant));
+        if let Some(plant) = &plant {
+            check_plant(plant, &robot)?;
+        }
         let record = recording_path(arguments, &robot.name, &trajectory)?;
         let config = RunConfig {
             session: new_session(),
             robot: absolute_if_file(&arguments.robot),
             driver: arguments.driver.clone(),
             trajectory: absolute_if_file(&trajectory),
+            plant,
+            control: arguments.control.into(),
             mode: arguments.mode.into(),
             period_ns: PERIOD_NS,
             cycles,
@@ -150,6 +160,26 @@ impl Plan {
             robot_name: robot.name,
         })
     }
+}
+
+/// The emulated arm must have the joints the controller knows.
+fn check_plant(plant: &str, robot: &Robot) -> Result<(), CliError> {
+    let names = |robot: &Robot| -> Vec<String> {
+        robot
+            .joints
+            .iter()
+            .map(|joint| joint.name.clone())
+            .collect()
+    };
+    let plant_robot = robot::load(plant).map_err(CliError::input)?;
+    if names(&plant_robot) != names(robot) {
+        return Err(CliError::Input(format!(
+            "--plant {plant}: its joints are {}, those of --robot are {}; give a robot with the same joints",
+            names(&plant_robot).join(", "),
+            names(robot).join(", ")
+        )));
+    }
+    Ok(())
 }
 
 /// Names stay names; files are found from every process's directory.
