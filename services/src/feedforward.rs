@@ -2,6 +2,8 @@
 //!
 //! `T_in N = T_rigid(θ_d, θ̇_d, θ̈_d) + T_friction(θ̇_d) + T_c(T_g, sgn θ̇_d) + J N² θ̈_d + K_p (θ_d - θ) + K_d (θ̇_d - θ̇)`,
 //! all at the joint side; the model acts on the desired motion, as in the paper, because the measured velocity is noisy.
+//! Only position-dependent friction is taken at the measured motor angle, which a resolver knows without noise: with
+//! twelve cycles a motor revolution, 5 mrad of tracking error at the joint would put the desired angle half a cycle off.
 
 use joint_model::filter::FilterError;
 use joint_model::friction::SteadyFriction;
@@ -133,7 +135,7 @@ impl Feedforward {
         };
         for joint in 0..self.robot.joints.len() {
             let gear_ratio = self.robot.joints[joint].gear_ratio;
-            let feedforward_nm = self.feedforward_nm(joint) / gear_ratio;
+            let feedforward_nm = self.feedforward_nm(joint, sample) / gear_ratio;
             let feedback_nm = self.feedback_nm(joint, sample) / gear_ratio;
             command.feedforward_torque_nm[joint] = feedforward_nm;
             command.feedback_torque_nm[joint] = feedback_nm;
@@ -164,7 +166,7 @@ impl Feedforward {
         );
     }
 
-    fn feedforward_nm(&self, joint: usize) -> f64 {
+    fn feedforward_nm(&self, joint: usize, sample: &SensorSample) -> f64 {
         if self.model == ModelPart::None {
             return 0.0;
         }
@@ -179,7 +181,7 @@ impl Feedforward {
         let friction_nm = self.friction[joint].drag_nm(
             self.reference.velocity_rad_s[joint],
             self.gravity_nm[joint],
-            self.reference.position_rad[joint] * drive.gear_ratio,
+            sample.readings.motor_position_rad[joint],
             REVERSAL_VELOCITY_RAD_S,
         );
         rigid_nm + friction_nm
