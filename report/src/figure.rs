@@ -136,7 +136,8 @@ impl Panel {
         self
     }
 
-    /// Adds a series; later ones lie above earlier ones.
+    /// Adds a series. Lines lie above bars and clouds of points, single points above lines, else later ones above
+    /// earlier ones.
     #[must_use]
     pub fn series(mut self, series: Series) -> Self {
         self.series.push(series);

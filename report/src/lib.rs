@@ -32,6 +32,6 @@ mod scale;
 mod table;
 
 pub use figure::{Axis, Figure, HeatMap, Panel, Series};
-pub use number::{decimal, number, with_error};
+pub use number::{decimal, number, printed, with_error};
 pub use page::{Page, Section};
 pub use table::{Cell, Column, Table};

@@ -13,7 +13,7 @@ const LINE_PX: u32 = 2;
 const ERROR_BAR_PX: u32 = 1;
 /// Half the length of the stroke that ends an error bar.
 const CAP_PX: f64 = 3.0;
-const DOT_RADIUS_PX: f64 = 2.5;
+const DOT_RADIUS_PX: f64 = 2.8;
 const LONE_DOT_RADIUS_PX: f64 = 3.5;
 /// More points than this are a cloud, of smaller dots.
 const FEW_POINTS: usize = 60;
@@ -111,28 +111,36 @@ pub fn draw(frame: &Frame, panel: &Panel, names: &[&str]) -> Drawn {
     let bars = panel.series.iter().filter(|s| s.shape == Shape::Bars);
     let groups = bars.count();
     let mut group = 0;
-    for series in &panel.series {
+    let mut ordered: Vec<&Series> = panel.series.iter().collect();
+    ordered.sort_by_key(|series| layer(series));
+    for series in ordered {
         let index = names.iter().position(|name| *name == series.name);
         let colour = colours::series(index.unwrap_or_default());
         match series.shape {
             Shape::Line | Shape::Dashed => line(frame, series, colour)?,
             Shape::Points => points(frame, series, colour)?,
             Shape::Bars => {
-                bars_of(
-                    frame,
-                    series,
-                    colour,
-                    Group {
-                        group,
-                        groups,
-                        flat: lies_flat(panel),
-                    },
-                )?;
+                let place = Group {
+                    group,
+                    groups,
+                    flat: lies_flat(panel),
+                };
+                bars_of(frame, series, colour, place)?;
                 group += 1;
             }
         }
     }
     Ok(())
+}
+
+/// Lines lie above bars and clouds, single points above lines.
+fn layer(series: &Series) -> u8 {
+    match series.shape {
+        Shape::Bars => 0,
+        Shape::Points if series.points.len() > FEW_POINTS => 0,
+        Shape::Line | Shape::Dashed => 1,
+        Shape::Points => 2,
+    }
 }
 
 fn line(frame: &Frame, series: &Series, colour: RGBColor) -> Drawn {

@@ -29,6 +29,16 @@ pub fn decimal(value: f64, decimals: usize) -> String {
     })
 }
 
+/// As somebody else printed it: with all its digits and no more. `-` for what is not finite.
+#[must_use]
+pub fn printed(value: f64) -> String {
+    if value.is_finite() {
+        minus(value.to_string())
+    } else {
+        "-".to_owned()
+    }
+}
+
 /// A value and its standard error, `34.96 ± 0.23`: to the error's second digit.
 #[must_use]
 pub fn with_error(value: f64, standard_error: f64) -> String {
@@ -71,6 +81,13 @@ mod tests {
         assert_eq!(with_error(0.001_23, 0.000_41), "0.00123 ± 0.00041");
         assert_eq!(with_error(1500.0, 120.0), "1500 ± 120");
         assert_eq!(with_error(2.5, f64::NAN), "2.5000");
+    }
+
+    #[test]
+    fn printed_values_keep_their_digits() {
+        assert_eq!(printed(-0.0685), "−0.0685");
+        assert_eq!(printed(47.6), "47.6");
+        assert_eq!(printed(f64::NAN), "-");
     }
 
     #[test]

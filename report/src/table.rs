@@ -103,8 +103,8 @@ impl Table {
     pub(crate) fn html(&self) -> Markup {
         html! {
             div.table {
+                p.caption { (self.caption) }
                 table {
-                    caption { (self.caption) }
                     thead { tr {
                         @for column in &self.columns { th class=[column.class()] { (column.title) } }
                     } }

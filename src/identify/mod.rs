@@ -1,6 +1,7 @@
 //! `flexspline identify`: runs the papers' experiments, fits the joint model, writes the robot file.
 
 mod execute;
+mod report;
 mod table;
 
 use std::path::{Path, PathBuf};
@@ -24,6 +25,8 @@ use execute::Rig;
 const TABLE_POINTS: usize = 1024;
 /// The robot file with what was identified.
 const ROBOT_FILE: &str = "identified.toml";
+/// The same for people.
+const REPORT_FILE: &str = "report.html";
 
 /// What was found at one joint.
 #[derive(Clone, Debug, Serialize)]
@@ -90,6 +93,7 @@ pub fn identify(arguments: &IdentifyArguments) -> Result<(), CliError> {
         .out
         .join(format!("{}.json", arguments.what.name()));
     write_json(&identified, &json_path)?;
+    write_report(&identified, &robot, &arguments.out.join(REPORT_FILE))?;
     if arguments.json.as_deref() == Some(Path::new("-")) {
         return print_json(&identified);
     }
@@ -237,6 +241,11 @@ fn is_friction_over_velocity(effect: &Effect) -> bool {
             | Effect::StribeckFriction { .. }
             | Effect::AsymmetricFriction { .. }
     )
+}
+
+fn write_report(identified: &Identified, robot: &Robot, path: &Path) -> Result<(), CliError> {
+    let html = report::page(identified, robot, None).to_html();
+    std::fs::write(path, html).map_err(|error| cannot_write(path, &error))
 }
 
 fn write_json(identified: &Identified, path: &Path) -> Result<(), CliError> {
