@@ -52,6 +52,9 @@ fn a_joint_is_identified_once_and_then_tracks_better() {
         );
     }
 
+    let report = fs::read_to_string(bench.file("out/report.html")).expect("a report");
+    assert!(report.contains("PA10-05, Table III"));
+
     let recording = bench.file("out/recordings/periodic-joint3.mcap");
     let recorded_at = written_at(&recording);
     let second = identify(&bench, "periodic", &["--joint", "joint3"]);

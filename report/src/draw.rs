@@ -77,6 +77,9 @@ fn draw_panel(panel: &Panel, names: &[&str], cell: &Area) -> Drawn {
     let (x_values, y_values) = marks::extents(panel);
     let mut x = Scale::new(&panel.x, x_values.into_iter(), ticks[0]);
     let mut y = Scale::new(&panel.y, y_values.into_iter(), ticks[1]);
+    if !panel.y.categories.is_empty() {
+        y = y.reversed();
+    }
     let y_labels = y.label_length() as u32 * LETTER_WIDTH + 28;
     if panel.equal_aspect {
         let plot_px = (

@@ -195,7 +195,7 @@ impl Axis {
         }
     }
 
-    /// An axis of named places: the first is at zero, the next at one, and so on.
+    /// An axis of named places: the first is at zero, the next at one, and so on; left to right, and top to bottom.
     pub fn categories<T: Into<String>>(
         quantity: impl Into<String>,
         names: impl IntoIterator<Item = T>,
@@ -309,7 +309,7 @@ pub struct HeatMap {
 }
 
 impl HeatMap {
-    /// Cells between rising edges: `values[row][column]`, the first row at the lowest y. A cell that is not finite, or
+    /// Cells between rising edges: `values[row][column]`, the first row at the first edges of y. A cell that is not finite, or
     /// not given, stays white.
     pub fn new(
         quantity: impl Into<String>,

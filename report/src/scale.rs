@@ -49,6 +49,16 @@ impl Scale {
         }
     }
 
+    /// The same with its first value at the far end: categories of y read from the top down.
+    #[must_use]
+    pub fn reversed(self) -> Self {
+        Self {
+            low: self.high,
+            high: self.low,
+            ..self
+        }
+    }
+
     /// Widens the shorter of two scales until a unit takes as many pixels on one as on the other.
     pub fn equalise(x: &mut Self, y: &mut Self, size_px: (u32, u32), ticks: [usize; 2]) {
         let (x_per_px, y_per_px) = (

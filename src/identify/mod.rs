@@ -93,7 +93,8 @@ pub fn identify(arguments: &IdentifyArguments) -> Result<(), CliError> {
         .out
         .join(format!("{}.json", arguments.what.name()));
     write_json(&identified, &json_path)?;
-    write_report(&identified, &robot, &arguments.out.join(REPORT_FILE))?;
+    let report_path = arguments.out.join(REPORT_FILE);
+    write_report(&identified, &robot, &report_path)?;
     if arguments.json.as_deref() == Some(Path::new("-")) {
         return print_json(&identified);
     }
@@ -101,6 +102,7 @@ pub fn identify(arguments: &IdentifyArguments) -> Result<(), CliError> {
         write_json(&identified, path)?;
     }
     print!("{}", table::text(&identified, &robot));
+    println!("report: {}", report_path.display());
     Ok(())
 }
 
