@@ -56,6 +56,19 @@ impl Cell {
     }
 }
 
+impl Cell {
+    fn html(&self, column: &Column) -> Markup {
+        html! {
+            td class=[column.class()] {
+                @match self.class {
+                    Some(class) => span class=(class) { (self.text) },
+                    None => (self.text),
+                }
+            }
+        }
+    }
+}
+
 impl From<&str> for Cell {
     fn from(text: &str) -> Self {
         text.to_owned().into()
@@ -68,7 +81,7 @@ impl From<String> for Cell {
     }
 }
 
-/// Rows under titled columns, with a caption above and notes below.
+/// Rows under titled columns, with a caption above and notes below. A column without a single text is not shown.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     caption: String,
@@ -100,24 +113,26 @@ impl Table {
         self.notes.push(note.into());
     }
 
+    /// Columns that are shown, with their places.
+    fn shown(&self) -> Vec<(usize, &Column)> {
+        let is_empty = |place: usize| self.rows.iter().all(|row| row[place].text.is_empty());
+        let all = self.columns.iter().enumerate();
+        all.filter(|(place, _)| self.rows.is_empty() || !is_empty(*place))
+            .collect()
+    }
+
     pub(crate) fn html(&self) -> Markup {
+        let columns = self.shown();
         html! {
             div.table {
                 p.caption { (self.caption) }
                 table {
                     thead { tr {
-                        @for column in &self.columns { th class=[column.class()] { (column.title) } }
+                        @for (_, column) in &columns { th class=[column.class()] { (column.title) } }
                     } }
                     tbody {
                         @for row in &self.rows {
-                            tr { @for (cell, column) in row.iter().zip(&self.columns) {
-                                td class=[column.class()] {
-                                    @match cell.class {
-                                        Some(class) => span class=(class) { (cell.text) },
-                                        None => (cell.text),
-                                    }
-                                }
-                            } }
+                            tr { @for (place, column) in &columns { (row[*place].html(column)) } }
                         }
                     }
                 }

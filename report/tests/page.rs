@@ -106,6 +106,23 @@ fn a_million_points_make_a_small_page() {
 }
 
 #[test]
+fn a_column_without_text_is_not_shown() {
+    let columns = || [Column::text("a"), Column::number("b, Nm")];
+    let mut table = Table::new("t", columns());
+    table.row(["joint1".into(), Cell::published("")]);
+    let html = |table| {
+        Page::new("t", "v")
+            .section(Section::new("s", "s").table(table))
+            .to_html()
+    };
+    assert!(!html(table).contains("b, Nm"));
+    assert!(
+        html(Table::new("t", columns())).contains("b, Nm"),
+        "nothing to judge by"
+    );
+}
+
+#[test]
 fn published_values_are_told_from_ones_own() {
     let mut table = Table::new("t", [Column::text("a"), Column::number("b, Nm")]);
     table.row(["joint1".into(), Cell::published("34.96")]);

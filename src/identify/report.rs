@@ -62,28 +62,28 @@ fn verdict(joints: &[JointResult], gravity: Option<&GravityFit>) -> String {
     .flatten()
     .collect();
     if let Some(fit) = gravity {
-        found.push(format!("{} sums of masses", fit.rank()));
+        found.push(format!(
+            "gravity by {} sums of masses and moments",
+            fit.rank()
+        ));
+    }
+    if found.is_empty() {
+        return "Nothing was identified.".to_owned();
     }
     let worst = joints
         .iter()
         .filter_map(|joint| Some((joint, checks::held_out_share(joint)?)))
         .max_by(|a, b| a.1.total_cmp(&b.1));
     let worst = worst.map_or(String::new(), |(joint, share)| {
-        let percent = number(100.0 * share, 2);
-        format!("; trials left out of the friction fit are predicted within {percent} % rms of the friction (worst: {})", joint.joint)
+        format!(
+            "; trials left out of the friction fit are predicted within {} % rms of the friction (worst: {})",
+            number(100.0 * share, 2),
+            joint.joint
+        )
     });
-    if found.is_empty() {
-        return "Nothing was identified.".to_owned();
-    }
-    let count = joints.len();
-    let of_joints = if count == 1 { "1 joint" } else { "joints" };
-    let of_joints = if count == 1 {
-        of_joints.to_owned()
-    } else {
-        format!("{count} {of_joints}")
-    };
+    let (count, plural) = (joints.len(), if joints.len() == 1 { "" } else { "s" });
     format!(
-        "From recordings of {of_joints}: {}{worst}.",
+        "From recordings of {count} joint{plural}: {}{worst}.",
         found.join(", ")
     )
 }
@@ -160,28 +160,7 @@ fn findings(joints: &[JointResult]) -> Vec<String> {
     all
 }
 
-/// A part that is missing, in words: what was found instead, or what to run.
-fn missing(joints: &[&JointResult], what: &str, command: &str) -> Option<String> {
-    if joints.is_empty() {
-        return None;
-    }
-    let names: Vec<&str> = joints.iter().map(|joint| joint.joint.as_str()).collect();
-    let reasons: Vec<&str> = joints
-        .iter()
-        .flat_map(|joint| joint.findings.iter().map(String::as_str))
-        .collect();
-    let why = if reasons.is_empty() {
-        format!("It was not asked for; `flexspline identify {command}` does it.")
-    } else {
-        "The findings above say why.".to_owned()
-    };
-    Some(format!(
-        "{what} was not identified for {}. {why}",
-        names.join(", ")
-    ))
-}
-
-/// A section's beginning: what is missing in it, if anything.
+/// The section with what is missing in it said first, and why or what to run.
 fn without(
     section: Section,
     joints: &[JointResult],
@@ -189,11 +168,20 @@ fn without(
     what: &str,
     command: &str,
 ) -> Section {
-    let missing_joints: Vec<&JointResult> = joints.iter().filter(|joint| !has(joint)).collect();
-    match missing(&missing_joints, what, command) {
-        Some(text) => section.paragraph(text),
-        None => section,
+    let missing: Vec<&JointResult> = joints.iter().filter(|joint| !has(joint)).collect();
+    if missing.is_empty() {
+        return section;
     }
+    let names: Vec<&str> = missing.iter().map(|joint| joint.joint.as_str()).collect();
+    let asked = if missing.iter().all(|joint| joint.findings.is_empty()) {
+        "It was not asked for"
+    } else {
+        "The findings in the overview say why, or it was not asked for"
+    };
+    section.paragraph(format!(
+        "{what} was not identified for {}. {asked}; `flexspline identify {command}` does it.",
+        names.join(", ")
+    ))
 }
 
 /// Both directions of motion with their signs, as tables write them.

@@ -94,7 +94,8 @@ pub fn residuals(joints: &[JointResult]) -> Section {
                 optional(friction.map(|fits| fits[index].rms_nm)),
                 optional(periodic.map(|fits| fits[index].residual_rms_nm)),
                 optional(law.map(|law| law.residual_rms_nm)),
-                law.map_or("-".to_owned(), |law| law.samples.to_string())
+                law.map(|law| law.samples.to_string())
+                    .unwrap_or_default()
                     .into(),
                 optional(law.map(|law| law.samples as f64 / law.correlated_samples)),
             ]);
@@ -111,6 +112,7 @@ pub fn residuals(joints: &[JointResult]) -> Section {
 
 fn optional(value: Option<f64>) -> Cell {
     value
-        .map_or("-".to_owned(), |value| number(value, 3))
+        .map(|value| number(value, 3))
+        .unwrap_or_default()
         .into()
 }

@@ -4,7 +4,7 @@
 use identification::stiffness::{DirectionFit, StiffnessFit, SweepSteps};
 use report::{Axis, Figure, Panel, Section, Series};
 
-use super::load::{directions, payload, zipped};
+use super::load::{directions, payload, with_unmoved, zipped};
 use super::{DIRECTIONS, JointResult};
 
 pub fn section(joint: &JointResult) -> Section {
@@ -13,7 +13,9 @@ pub fn section(joint: &JointResult) -> Section {
          those of this joint above; the other two follow.",
     );
     match &joint.stiffness {
-        Some(fit) => section.figure(weights(fit)).figure(external(fit)),
+        Some(fit) => with_unmoved(section, fit)
+            .figure(weights(fit))
+            .figure(external(fit)),
         None => {
             section.paragraph("They need the torque over gravity load, which was not identified.")
         }

@@ -70,7 +70,7 @@ fn table_i(frictions: &[&JointFriction], paper: Option<&Published>) -> Table {
         for (row, fit) in friction.models.iter().enumerate() {
             let score = scores.map(|scores| score(&scores, fit.model));
             let published = |pick: fn(ModelScore) -> f64| {
-                Cell::published(score.map_or("-".to_owned(), |score| printed(pick(score))))
+                Cell::published(score.map_or(String::new(), |score| printed(pick(score))))
             };
             let name = fit.model.name();
             let joint = if row == 0 {

@@ -1,5 +1,6 @@
 //! Torque over gravity load: Table V, Figs. 7(a) and 7(b) for every joint that gravity loads.
 
+use identification::experiment::PAYLOADS_KG;
 use identification::stiffness::{DirectionFit, LoadTorqueFit, StiffnessFit, SweepSteps};
 use joint_model::friction::LoadTorqueRow;
 use report::{
@@ -39,11 +40,35 @@ pub fn section(joints: &[JointResult], paper: Option<&Published>) -> Section {
             ("residual rms", "Root mean square of T_c less the law, over all payloads."),
         ]);
     fits.iter().fold(section, |section, fit| {
-        section
-            .heading(&fit.joint)
-            .figure(steps_figure(fit, "PA10-05, Fig. 7(a); PA10-03, Fig. 6"))
+        with_unmoved(section.heading(&fit.joint), fit)
+            .figure(steps_figure(fit))
             .figure(law_figure(fit, paper))
     })
+}
+
+/// Names the payloads of the experiment whose sweeps hold no steady motion in either direction.
+pub fn with_unmoved(section: Section, fit: &StiffnessFit) -> Section {
+    let moved_kg = payloads_kg(fit);
+    let unmoved = PAYLOADS_KG.iter().filter(|kg| !moved_kg.contains(kg));
+    let unmoved: Vec<String> = unmoved.map(|kg| format!("{} kg", printed(*kg))).collect();
+    if unmoved.is_empty() {
+        return section;
+    }
+    section.paragraph(format!(
+        "With {} the joint did not move steadily, so these sweeps are in no fit and no figure.",
+        unmoved.join(" and ")
+    ))
+}
+
+/// Payloads with steady motion in either direction, rising.
+fn payloads_kg(fit: &StiffnessFit) -> Vec<f64> {
+    let steps = directions(fit)
+        .into_iter()
+        .flat_map(|direction| &direction.steps);
+    let mut all: Vec<f64> = steps.map(|steps| steps.payload_kg).collect();
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    all
 }
 
 fn table_v(fits: &[&StiffnessFit], paper: Option<&Published>) -> Table {
@@ -131,47 +156,36 @@ pub fn directions(fit: &StiffnessFit) -> [&DirectionFit; 2] {
 }
 
 /// One row of panels for each payload, one column for each direction.
-pub fn steps_figure(fit: &StiffnessFit, source: &str) -> Figure {
+fn steps_figure(fit: &StiffnessFit) -> Figure {
     let figure = Figure::new(format!(
-        "Successive subtraction for {} ({source}): motor torque times gear ratio, the same less position-dependent \
+        "Successive subtraction for {} (PA10-05, Fig. 7(a); PA10-03, Fig. 6): motor torque times gear ratio, the same less position-dependent \
          friction, less friction over velocity too, gravity torque, and what remains of the torque without friction \
          after gravity is subtracted. All about the joint's axis.",
         fit.joint
     ))
     .columns(2)
     .panel_height(270);
-    let mut payloads_kg: Vec<f64> = directions(fit)
+    payloads_kg(fit)
         .into_iter()
-        .flat_map(|direction| direction.steps.iter().map(|steps| steps.payload_kg))
-        .collect();
-    payloads_kg.sort_by(f64::total_cmp);
-    payloads_kg.dedup();
-    payloads_kg.into_iter().fold(figure, |figure, payload_kg| {
-        directions(fit)
-            .into_iter()
-            .enumerate()
-            .fold(figure, |figure, (index, direction)| {
+        .fold(figure, |figure, payload_kg| {
+            let both = directions(fit).into_iter().zip(DIRECTIONS);
+            both.fold(figure, |figure, (direction, name)| {
                 let mut all = direction.steps.iter();
                 let steps = all.find(|steps| steps.payload_kg == payload_kg);
-                figure.panel(steps.map_or_else(
-                    || {
-                        torque_panel().title(format!(
-                            "{} kg, {}: no steady motion",
-                            printed(payload_kg),
-                            DIRECTIONS[index]
-                        ))
-                    },
-                    |steps| steps_panel(steps, index),
-                ))
+                let title = format!("{} kg, {name}", printed(payload_kg));
+                figure.panel(match steps {
+                    Some(steps) => steps_panel(steps).title(title),
+                    None => torque_panel().title(format!("{title}: no steady motion")),
+                })
             })
-    })
+        })
 }
 
 fn torque_panel() -> Panel {
     Panel::new(Axis::new("joint angle", "rad"), Axis::new("torque", "Nm"))
 }
 
-fn steps_panel(steps: &SweepSteps, direction: usize) -> Panel {
+fn steps_panel(steps: &SweepSteps) -> Panel {
     let remaining_nm: Vec<f64> = steps
         .without_friction_nm
         .iter()
@@ -188,10 +202,11 @@ fn steps_panel(steps: &SweepSteps, direction: usize) -> Panel {
         ("gravity torque", &steps.gravity_nm),
         ("remaining", &remaining_nm),
     ];
-    let panel = torque_panel().title(format!("{}, {}", payload(steps), DIRECTIONS[direction]));
-    series.into_iter().fold(panel, |panel, (name, values_nm)| {
-        panel.series(Series::line(name, zipped(&steps.position_rad, values_nm)))
-    })
+    series
+        .into_iter()
+        .fold(torque_panel(), |panel, (name, values_nm)| {
+            panel.series(Series::line(name, zipped(&steps.position_rad, values_nm)))
+        })
 }
 
 pub fn payload(steps: &SweepSteps) -> String {

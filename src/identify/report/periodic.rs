@@ -15,6 +15,9 @@ use super::{DIRECTIONS, JointResult, without};
 /// The spectrum is drawn so far at least: PA10-05's highest harmonic is 39 cycles per motor revolution.
 const SPECTRUM_CYCLES: f64 = 45.0;
 
+/// Cells that a harmonic fills, published ones included.
+const HARMONIC_COLUMNS: usize = 7;
+
 pub fn section(joints: &[JointResult], paper: Option<&Published>) -> Section {
     let section = Section::new("periodic", "Friction over position");
     let section = without(
@@ -40,7 +43,7 @@ pub fn section(joints: &[JointResult], paper: Option<&Published>) -> Section {
         .definitions([
             ("f", "Cycles per radian of the joint; N/2π = one cycle per motor revolution."),
             ("order", "The nearest whole number of cycles per revolution of the wave generator, which turns with the motor; f is the order times N/2π where the data agree with that, else as measured."),
-            ("A, φ", "A·sin(order·motor angle + φ), friction that opposes the motion, both directions together. Published phases are brought into −π to π."),
+            ("A, φ", "A·sin(order·motor angle + φ), friction that opposes the motion, both directions together."),
             ("rms before, after", "Root mean square of zero-mean friction, and of what its harmonics leave."),
         ]);
     analyses.iter().fold(section, |section, analysis| {
@@ -72,7 +75,7 @@ fn table_iii(analyses: &[&PeriodicAnalysis], paper: Option<&Published>) -> Table
             let squares = pick(&analysis.positive).powi(2) + pick(&analysis.negative).powi(2);
             Cell::from(number((0.5 * squares).sqrt(), 3))
         };
-        let mut rows: Vec<Vec<Cell>> = Vec::new();
+        let mut rows: Vec<[Cell; HARMONIC_COLUMNS]> = Vec::new();
         for harmonic in &analysis.combined {
             let partner = published
                 .iter()
@@ -83,6 +86,11 @@ fn table_iii(analyses: &[&PeriodicAnalysis], paper: Option<&Published>) -> Table
             ));
         }
         rows.extend(published.into_iter().map(|row| missed_row(&row)));
+        if rows.is_empty() {
+            let mut none: [Cell; HARMONIC_COLUMNS] = Default::default();
+            none[0] = "none".into();
+            rows.push(none);
+        }
         for (index, row) in rows.into_iter().enumerate() {
             let first = index == 0;
             let mut cells: Vec<Cell> =
@@ -94,7 +102,9 @@ fn table_iii(analyses: &[&PeriodicAnalysis], paper: Option<&Published>) -> Table
             table.row(cells);
         }
     }
-    table.note("A published harmonic without one of ours was not found above the noise.");
+    if paper.is_some() {
+        table.note("Published phases are brought into −π to π. A published harmonic without one of ours was not found above the noise.");
+    }
     table
 }
 
@@ -104,9 +114,12 @@ fn is_same(row: &PublishedHarmonic, harmonic: &Harmonic, gear_ratio: f64) -> boo
     (published - harmonic.cycles_per_motor_rev).abs() < 0.5
 }
 
-fn harmonic_row(harmonic: &Harmonic, published: Option<PublishedHarmonic>) -> Vec<Cell> {
+fn harmonic_row(
+    harmonic: &Harmonic,
+    published: Option<PublishedHarmonic>,
+) -> [Cell; HARMONIC_COLUMNS] {
     let [f, a, phi] = published_cells(published);
-    vec![
+    [
         harmonic.order.to_string().into(),
         decimal(harmonic.cycles_per_joint_rad, 2).into(),
         f,
@@ -117,9 +130,9 @@ fn harmonic_row(harmonic: &Harmonic, published: Option<PublishedHarmonic>) -> Ve
     ]
 }
 
-fn missed_row(row: &PublishedHarmonic) -> Vec<Cell> {
+fn missed_row(row: &PublishedHarmonic) -> [Cell; HARMONIC_COLUMNS] {
     let [f, a, phi] = published_cells(Some(*row));
-    vec![
+    [
         "".into(),
         "-".into(),
         f,
@@ -132,7 +145,7 @@ fn missed_row(row: &PublishedHarmonic) -> Vec<Cell> {
 
 fn published_cells(row: Option<PublishedHarmonic>) -> [Cell; 3] {
     let cell = |pick: fn(PublishedHarmonic) -> f64| {
-        Cell::published(row.map_or("-".to_owned(), |row| decimal(pick(row), 2)))
+        Cell::published(row.map_or(String::new(), |row| decimal(pick(row), 2)))
     };
     [
         cell(|row| row.cycles_per_joint_rad),

@@ -262,9 +262,19 @@ fn what_was_not_identified_is_said() {
 }
 
 #[test]
+fn a_joint_without_harmonics_keeps_its_row() {
+    let mut joint = everything();
+    if let Some(periodic) = &mut joint.periodic {
+        periodic.combined.clear();
+    }
+    let html = html("shd17", vec![joint], None);
+    assert!(html.contains("none above noise") && html.contains(">none</td>"));
+}
+
+#[test]
 fn a_robot_without_a_paper_has_no_published_values() {
     let html = html("shd17", vec![everything()], None);
-    assert!(!html.contains(r#"class="published""#) && !html.contains("Published"));
+    assert!(!html.contains(r#"class="published""#) && !html.contains("ublished val"));
     assert!(!html.contains(r#"id="elbow""#));
 }
 
@@ -272,6 +282,7 @@ fn a_robot_without_a_paper_has_no_published_values() {
 fn a_sweep_in_one_direction_leaves_a_panel_that_says_so() {
     let html = html("pa10", vec![everything()], None);
     assert!(html.contains("2.3 kg, negative direction: no steady motion"));
+    assert!(html.contains("With 4.5 kg the joint did not move steadily"));
 }
 
 #[test]
