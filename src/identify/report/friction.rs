@@ -36,7 +36,7 @@ pub fn section(joints: &[JointResult], paper: Option<&Published>) -> Section {
         )
         .table(table_i(&frictions, paper))
         .definitions([
-            ("variance", "Weighted residual variance, eq (6): squared misses of the mean friction at each speed, in variances of one measurement at that speed, summed over the speeds; mean of both directions. The emulator repeats itself much better than an arm does, so the same miss counts for more."),
+            ("variance", "Weighted residual variance, eq (6): squared misses of the mean friction at each speed, in variances of one measurement at that speed, summed over the speeds; mean of both directions. The better trials repeat, the more the same miss counts."),
             ("MSE per DOF", "1 + variance / (speeds − coefficients): one where the model is right."),
             ("BIC", "Information criterion of Schwarz over both directions; the lowest is chosen. Only differences mean something."),
             ("held-out rms", "Each trial predicted by a fit to the others."),

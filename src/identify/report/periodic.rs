@@ -34,9 +34,10 @@ pub fn section(joints: &[JointResult], paper: Option<&Published>) -> Section {
     }
     let section = section
         .paragraph(format!(
-            "The torque that keeps a joint at 0.01 rad/s, less gravity and its mean, over whole motor revolutions. A line of \
+            "The torque that keeps a joint at {} rad/s, less gravity and its mean, over whole motor revolutions. A line of \
              the spectrum counts as a harmonic where noise alone would reach it anywhere with a probability of {} or less. \
              What is fed forward is the mean revolution itself, as a look-up table.",
+            number(analyses[0].positive.reference_rad_s.abs(), 1),
             FALSE_ALARM_PROBABILITY
         ))
         .table(table_iii(&analyses, paper))
