@@ -13,6 +13,7 @@ use rt_loop::process::cycle_config;
 use services::estimators::Estimators;
 use services::feedforward::Feedforward;
 use shm_types::bus::Bus;
+use shm_types::control_options::ControlOptions;
 use shm_types::instance::{ControlMode, Instance, Mode, RunConfig, Wait};
 use shm_types::messages::{Command, DriveMode, DriveSample, SensorSample};
 use shm_types::topics;
@@ -31,6 +32,7 @@ fn config(robot: &Robot) -> CycleConfig {
         trajectory: "lemniscate".to_owned(),
         plant: None,
         control: ControlMode::Torque,
+        options: ControlOptions::default(),
         mode: Mode::Lockstep,
         period_ns: PERIOD_NS,
         cycles: u64::MAX,
@@ -96,7 +98,12 @@ fn loop_step(criterion: &mut Criterion) {
 fn feedforward(criterion: &mut Criterion) {
     let robot = pa10();
     let trajectory = motion::load("lemniscate", &robot).expect("a shipped trajectory");
-    let controller = Feedforward::new(robot, trajectory, PERIOD_NS as f64 * 1e-9);
+    let controller = Feedforward::new(
+        robot,
+        trajectory,
+        PERIOD_NS as f64 * 1e-9,
+        &ControlOptions::default(),
+    );
     let (mut controller, mut cycle) = (controller.expect("a shipped robot"), 0);
     criterion.bench_function("feedforward: one command", |bench| {
         bench.iter(|| {

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use shm_types::control_options::{FrictionVelocity, StiffnessTorque};
 use shm_types::instance::{ControlMode, Mode, Wait};
 
 /// A deterministic 1.5 kHz control loop for harmonic-drive robot joints over shared memory.
@@ -54,6 +55,24 @@ pub struct RunArguments {
     /// What the drives are commanded: torque, or velocity held by their own loops
     #[arg(long, value_enum, default_value_t = ControlArgument::Torque)]
     pub control: ControlArgument,
+    /// Velocity that friction is fed forward on: the desired one, as the papers do, or the joint's own
+    ///
+    /// `measured` takes the level of friction at the speed the joint really has, observed from its motor encoder, in the
+    /// direction it shall move: never more than the model says is there, and no torque at standstill without desired motion.
+    /// It ends the stick-slip of joints whose friction rises with speed.
+    #[arg(long, value_enum, default_value_t = FrictionVelocityArgument::Desired, value_name = "WHICH")]
+    pub friction_velocity: FrictionVelocityArgument,
+    /// Load at which load-dependent friction is taken: the model's gravity, or the measured torsion of the gear
+    ///
+    /// `torsion` needs a link encoder and a stiffness on every joint. The gear's kinematic error is read as load.
+    #[arg(long, value_enum, default_value_t = StiffnessTorqueArgument::Load, value_name = "WHICH")]
+    pub stiffness_torque: StiffnessTorqueArgument,
+    /// Share of the model error seen by the torque estimator that is fed forward, 0 to 1
+    ///
+    /// Learned over 0.2 s while a joint moves as desired, held at standstill, at most half of the joint's modelled friction.
+    /// Contact gets stiffer with it.
+    #[arg(long, default_value_t = 0.0, value_name = "GAIN")]
+    pub correction: f64,
     /// Whether time is the wall clock's or waits for everybody
     #[arg(long, value_enum, default_value_t = ModeArgument::Realtime)]
     pub mode: ModeArgument,
@@ -184,6 +203,42 @@ impl From<ControlArgument> for ControlMode {
         match argument {
             ControlArgument::Torque => Self::Torque,
             ControlArgument::Velocity => Self::Velocity,
+        }
+    }
+}
+
+/// See [`FrictionVelocity`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FrictionVelocityArgument {
+    /// The reference's
+    Desired,
+    /// The joint's own, observed
+    Measured,
+}
+
+impl From<FrictionVelocityArgument> for FrictionVelocity {
+    fn from(argument: FrictionVelocityArgument) -> Self {
+        match argument {
+            FrictionVelocityArgument::Desired => Self::Desired,
+            FrictionVelocityArgument::Measured => Self::Measured,
+        }
+    }
+}
+
+/// See [`StiffnessTorque`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum StiffnessTorqueArgument {
+    /// Gravity of the model at the reference
+    Load,
+    /// Torque from the measured torsion
+    Torsion,
+}
+
+impl From<StiffnessTorqueArgument> for StiffnessTorque {
+    fn from(argument: StiffnessTorqueArgument) -> Self {
+        match argument {
+            StiffnessTorqueArgument::Load => Self::Load,
+            StiffnessTorqueArgument::Torsion => Self::Torsion,
         }
     }
 }

@@ -13,6 +13,7 @@ use rt_loop::driver::{DriveFault, Driver};
 use rt_loop::emulator_driver::EmulatorDriver;
 use rt_loop::process::control;
 use shm_types::bus::Bus;
+use shm_types::control_options::ControlOptions;
 use shm_types::instance::{ControlMode, Instance, Mode, RunConfig, Wait};
 use shm_types::messages::{DriveCommand, DriveSample};
 
@@ -98,6 +99,7 @@ fn heap_calls_of_a_run() -> u64 {
         trajectory: "lemniscate".to_owned(),
         plant: None,
         control: ControlMode::Torque,
+        options: ControlOptions::default(),
         mode: Mode::Lockstep,
         period_ns: 666_667,
         cycles: WATCHED.end + 100,

@@ -5,6 +5,7 @@ mod support;
 use std::fs;
 
 use recording::Signal;
+use shm_types::control_options::ControlOptions;
 use shm_types::instance::{ControlMode, Mode, RunConfig, Wait};
 use support::{Bench, output, text};
 
@@ -53,6 +54,7 @@ fn the_twin_in_one_process_gives_the_same_bytes() {
             trajectory: "lemniscate".to_owned(),
             plant: None,
             control,
+            options: ControlOptions::default(),
             mode: Mode::Lockstep,
             period_ns: 666_667,
             cycles: 2_999,

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use realtime::clock::{monotonic_ns, sleep_until};
 use realtime::grant::{Request, apply};
 use shm_types::bus::{Bus, BusError, Message, Writer};
-use shm_types::instance::{Instance, Mode, RunConfig, Wait};
+use shm_types::instance::{Mode, RunConfig, Wait};
 use shm_types::messages::{Heartbeat, SensorSample};
 use shm_types::topics::{self, Role, Signal, Topic};
 
@@ -35,23 +35,22 @@ pub struct Service<'a, T> {
 /// Answers samples until `stop` is set.
 ///
 /// # Errors
-/// [`BusError`] if the instance cannot be joined or another process answers already.
+/// [`BusError`] if a topic cannot be opened or another process answers already.
 pub fn serve<T: Message>(
-    instance: &Instance,
+    bus: &Bus,
     run: &RunConfig,
     joint_count: usize,
     service: Service<'_, T>,
     stop: &AtomicBool,
 ) -> Result<(), BusError> {
-    let bus = Bus::join(instance)?;
     let samples = bus.reader(&topics::SENSOR_SAMPLE)?;
     let sample_ready = bus.listener(&topics::SENSOR_SAMPLE_READY, RECHECK_NS)?;
-    let mut writer = take_over(&bus, &service.topic)?;
+    let mut writer = take_over(bus, &service.topic)?;
     let answer_ready = match &service.ready {
         Some(signal) => Some(bus.notifier(signal)?),
         None => None,
     };
-    let mut heartbeat = take_over(&bus, &service.role.heartbeat())?;
+    let mut heartbeat = take_over(bus, &service.role.heartbeat())?;
     let _held = (run.mode == Mode::Realtime).then(|| {
         apply(&Request {
             fifo_priority: Some(service.fifo_priority),

@@ -2,8 +2,8 @@
 
 use motion::Trajectory;
 use robot::Robot;
-use shm_types::instance::ControlMode;
-use shm_types::messages::{Command, SensorSample};
+use shm_types::instance::{ControlMode, RunConfig};
+use shm_types::messages::{Command, SensorSample, TorqueEstimate};
 
 use crate::feedforward::{Feedforward, FeedforwardError};
 use crate::velocity_control::VelocityControl;
@@ -23,19 +23,29 @@ impl Controller {
     /// # Errors
     /// [`FeedforwardError`] if the robot file says nothing usable about torque control.
     pub fn new(
-        mode: ControlMode,
+        run: &RunConfig,
         robot: Robot,
         trajectory: Trajectory,
-        period_s: f64,
     ) -> Result<Self, FeedforwardError> {
-        Ok(match mode {
-            ControlMode::Torque => {
-                Self::Torque(Box::new(Feedforward::new(robot, trajectory, period_s)?))
-            }
+        let period_s = run.period_ns as f64 * 1e-9;
+        Ok(match run.control {
+            ControlMode::Torque => Self::Torque(Box::new(Feedforward::new(
+                robot,
+                trajectory,
+                period_s,
+                &run.options,
+            )?)),
             ControlMode::Velocity => {
                 Self::Velocity(Box::new(VelocityControl::new(&robot, trajectory)))
             }
         })
+    }
+
+    /// Keeps a torque estimate for the commands of later cycles; velocity mode has no use for it.
+    pub fn take_estimate(&mut self, estimate: TorqueEstimate) {
+        if let Self::Torque(feedforward) = self {
+            feedforward.take_estimate(estimate);
+        }
     }
 
     /// The command that answers one sample. No allocation, no clock.

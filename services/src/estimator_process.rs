@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use joint_model::filter::FilterError;
-use shm_types::bus::BusError;
+use shm_types::bus::{Bus, BusError};
 use shm_types::instance::{Instance, InstanceError, Mode};
 use shm_types::topics::{self, Role};
 
@@ -42,9 +42,10 @@ pub fn run(instance: &Instance, stop: &AtomicBool) -> Result<(), EstimatorProces
         role: Role::Estimator,
         fifo_priority: FIFO_PRIORITY,
         topic: topics::TORQUE_ESTIMATE,
-        // Control does not use it: only a loop in lockstep waits.
+        // The loop does not use it: only in lockstep it waits.
         ready: (run.mode == Mode::Lockstep).then_some(topics::TORQUE_ESTIMATE_READY),
         answer: &mut |sample| Some(estimators.estimate(sample)),
     };
-    Ok(serve(instance, &run, robot.joints.len(), service, stop)?)
+    let bus = Bus::join(instance)?;
+    Ok(serve(&bus, &run, robot.joints.len(), service, stop)?)
 }

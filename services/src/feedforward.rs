@@ -1,35 +1,45 @@
 //! Control torque from model and low-gain feedback: PA10-05, eq (5) and Fig. 2.
 //!
-//! `T_in N = T_rigid(θ_d, θ̇_d, θ̈_d) + T_friction(θ̇_d) + T_c(T_g, sgn θ̇_d) + J N² θ̈_d + K_p (θ_d - θ) + K_d (θ̇_d - θ̇)`,
+//! `T_in N = T_rigid(θ_d, θ̇_d, θ̈_d) + T_friction(θ̇_d, θ_m) + T_c(T_g, sgn θ̇_d) + J N² θ̈_d + K_p (θ_d - θ) + K_d (θ̇_d - θ̇)`,
 //! all at the joint side; the model acts on the desired motion, as in the paper, because the measured velocity is noisy.
 //! Only position-dependent friction is taken at the measured motor angle, which a resolver knows without noise: with
 //! twelve cycles a motor revolution, 5 mrad of tracking error at the joint would put the desired angle half a cycle off.
+//! [`ControlOptions`] go beyond the paper: friction on measured velocity ([`crate::friction`]), `T_c` at the load of the measured
+//! torsion ([`crate::torsion_load`]), and the torque estimator's correction ([`crate::correction`]).
 
 use joint_model::filter::FilterError;
-use joint_model::friction::SteadyFriction;
+use joint_model::velocity_observer::VelocityObserver;
 use motion::{Reference, Trajectory};
-use robot::{ControlKind, Feedback, Feedforward as ModelPart, Robot};
+use robot::{ControlKind, Feedback, Feedforward as ModelPart, Robot, RobotJoint};
 use shm_types::JOINTS_MAX;
-use shm_types::messages::{Command, DriveMode, PerJoint, SensorSample};
+use shm_types::control_options::{ControlOptions, StiffnessTorque};
+use shm_types::messages::{Command, DriveMode, PerJoint, SensorSample, TorqueEstimate};
 
+use crate::correction::{Correction, Lesson};
+use crate::friction::{FrictionFeedforward, FrictionPoint};
 use crate::reference::ReferenceSource;
-
+use crate::torsion_load::{Missing, TorsionLoad};
 use crate::velocity::VelocityFilter;
 
-/// Friction is fed forward fully above this desired velocity, and in proportion below: a step at a reversal of the
-/// reference would hit a joint that has not reversed yet. The lowest velocity the paper identified friction at.
-const REVERSAL_VELOCITY_RAD_S: f64 = 0.005;
+/// Of the observed velocity that friction and correction use. At 25 Hz an encoder of the PA-10 that flickers by one step
+/// shows less than a tenth of the velocity that its difference would.
+const OBSERVER_BANDWIDTH_HZ: f64 = 25.0;
 
 /// The controller of one robot on one trajectory.
 #[derive(Clone, Debug)]
 pub struct Feedforward {
     robot: Robot,
-    friction: Vec<SteadyFriction>,
+    friction: Vec<FrictionFeedforward>,
+    /// None where friction is taken at the model's load.
+    torsion_loads: Option<Vec<TorsionLoad>>,
+    correction: Correction,
     gains: Vec<Gains>,
     model: ModelPart,
     feedback: Feedback,
     source: ReferenceSource,
     velocity: Vec<VelocityFilter>,
+    observers: Vec<VelocityObserver>,
+    observed_rad_s: PerJoint,
     period_s: f64,
     reference: Reference,
     gravity_nm: PerJoint,
@@ -55,6 +65,24 @@ pub enum FeedforwardError {
         /// What is missing.
         reason: String,
     },
+    /// An option needs what the robot does not have.
+    #[error(
+        "robot `{robot}`, joint `{joint}`: stiffness torque from torsion needs {missing}, which the robot file does not give; add it or take the model's load"
+    )]
+    Torsion {
+        /// Its name.
+        robot: String,
+        /// The first joint without.
+        joint: String,
+        /// A key or effect of the robot file.
+        missing: &'static str,
+    },
+    /// A correction above the whole or below nothing.
+    #[error("correction {gain}: must be between 0 (none) and 1 (all of the estimated model error)")]
+    CorrectionGain {
+        /// As given.
+        gain: f64,
+    },
     /// The velocity filter of the robot file cannot be built.
     #[error("robot `{robot}`, [control]: {source}")]
     Filter {
@@ -74,6 +102,7 @@ impl Feedforward {
         robot: Robot,
         trajectory: Trajectory,
         period_s: f64,
+        options: &ControlOptions,
     ) -> Result<Self, FeedforwardError> {
         let control_error = |reason: &str| FeedforwardError::Control {
             robot: robot.name.clone(),
@@ -85,6 +114,15 @@ impl Feedforward {
             .ok_or_else(|| control_error("it has no [control]"))?;
         if control.kind != ControlKind::PdFeedforward {
             return Err(control_error("its control is of another kind"));
+        }
+        if *options != ControlOptions::default() && control.feedforward != ModelPart::Model {
+            return Err(control_error(
+                "options of the friction feedforward need feedforward = \"model\"",
+            ));
+        }
+        let gain = options.correction_gain;
+        if !(0.0..=1.0).contains(&gain) {
+            return Err(FeedforwardError::CorrectionGain { gain });
         }
         let gains = control
             .proportional_nm_rad
@@ -106,13 +144,25 @@ impl Feedforward {
             friction: robot
                 .joints
                 .iter()
-                .map(|joint| joint.steady_friction())
+                .map(|joint| {
+                    FrictionFeedforward::new(joint.steady_friction(), options.friction_velocity)
+                })
                 .collect(),
+            torsion_loads: match options.stiffness_torque {
+                StiffnessTorque::Load => None,
+                StiffnessTorque::Torsion => Some(torsion_loads(&robot)?),
+            },
+            correction: Correction::new(gain, &robot.joints, period_s),
             gains,
             model: control.feedforward,
             feedback: control.feedback,
             source: ReferenceSource::new(trajectory),
             velocity: vec![velocity; robot.joints.len()],
+            observers: vec![
+                VelocityObserver::new(OBSERVER_BANDWIDTH_HZ, period_s);
+                robot.joints.len()
+            ],
+            observed_rad_s: PerJoint::default(),
             period_s,
             reference: Reference::default(),
             gravity_nm: [0.0; JOINTS_MAX],
@@ -121,8 +171,15 @@ impl Feedforward {
         })
     }
 
+    /// Keeps a torque estimate for the commands of later cycles.
+    pub fn take_estimate(&mut self, estimate: TorqueEstimate) {
+        self.correction.take(estimate);
+    }
+
     /// The command that answers one sample. No allocation, no clock.
     pub fn command(&mut self, sample: &SensorSample) -> Command {
+        self.learn(sample.header.cycle);
+        self.observe(sample);
         self.reference = *self.source.at(sample);
         self.rigid_body_torque();
         let mut command = Command {
@@ -142,6 +199,26 @@ impl Feedforward {
             command.motor_torque_nm[joint] = feedforward_nm + feedback_nm;
         }
         command
+    }
+
+    /// From what the cycle before left: reference, observed velocity and the model's torque belong to its estimate.
+    fn learn(&mut self, cycle: u64) {
+        self.correction.learn(
+            cycle,
+            &Lesson {
+                desired_velocity_rad_s: &self.reference.velocity_rad_s,
+                measured_velocity_rad_s: &self.observed_rad_s,
+                modelled_torque_nm: &self.rigid_nm,
+            },
+        );
+    }
+
+    fn observe(&mut self, sample: &SensorSample) {
+        for (joint, observer) in self.observers.iter_mut().enumerate() {
+            let position_rad =
+                sample.readings.motor_position_rad[joint] / self.robot.joints[joint].gear_ratio;
+            self.observed_rad_s[joint] = observer.observe(sample.header.cycle, position_rad);
+        }
     }
 
     fn rigid_body_torque(&mut self) {
@@ -166,7 +243,7 @@ impl Feedforward {
         );
     }
 
-    fn feedforward_nm(&self, joint: usize, sample: &SensorSample) -> f64 {
+    fn feedforward_nm(&mut self, joint: usize, sample: &SensorSample) -> f64 {
         if self.model == ModelPart::None {
             return 0.0;
         }
@@ -178,13 +255,25 @@ impl Feedforward {
         if self.model == ModelPart::RigidBody {
             return rigid_nm;
         }
-        let friction_nm = self.friction[joint].drag_nm(
-            self.reference.velocity_rad_s[joint],
-            self.gravity_nm[joint],
-            sample.readings.motor_position_rad[joint],
-            REVERSAL_VELOCITY_RAD_S,
-        );
-        rigid_nm + friction_nm
+        let load_nm = self.load_nm(joint, sample);
+        let friction_nm = self.friction[joint].drag_nm(&FrictionPoint {
+            desired_velocity_rad_s: self.reference.velocity_rad_s[joint],
+            measured_velocity_rad_s: self.observed_rad_s[joint],
+            motor_position_rad: sample.readings.motor_position_rad[joint],
+            load_nm,
+        });
+        rigid_nm + friction_nm + self.correction.torque_nm(joint)
+    }
+
+    /// The torque the gear transmits to the link: gravity, as in the paper, or what the torsion shows.
+    fn load_nm(&mut self, joint: usize, sample: &SensorSample) -> f64 {
+        let gravity_nm = self.gravity_nm[joint];
+        let Some(torsion_loads) = &mut self.torsion_loads else {
+            return gravity_nm;
+        };
+        let readings = &sample.readings;
+        let motor_rad = readings.motor_position_rad[joint] / self.robot.joints[joint].gear_ratio;
+        torsion_loads[joint].load_nm(motor_rad - readings.link_position_rad[joint], gravity_nm)
     }
 
     fn feedback_nm(&mut self, joint: usize, sample: &SensorSample) -> f64 {
@@ -200,4 +289,15 @@ impl Feedforward {
         gains.proportional_nm_rad * (self.reference.position_rad[joint] - position_rad)
             + gains.derivative_nm_s_rad * (self.reference.velocity_rad_s[joint] - velocity_rad_s)
     }
+}
+
+fn torsion_loads(robot: &Robot) -> Result<Vec<TorsionLoad>, FeedforwardError> {
+    let load = |joint: &RobotJoint| {
+        TorsionLoad::new(joint).map_err(|Missing(missing)| FeedforwardError::Torsion {
+            robot: robot.name.clone(),
+            joint: joint.name.clone(),
+            missing,
+        })
+    };
+    robot.joints.iter().map(load).collect()
 }

@@ -6,13 +6,16 @@
 
 pub mod answering;
 pub mod controller;
+pub mod correction;
 pub mod estimator_process;
 pub mod estimators;
 pub mod feedforward;
 pub mod feedforward_process;
+pub mod friction;
 pub mod reference;
 pub mod relay;
 pub mod relay_process;
+pub mod torsion_load;
 pub mod tracking;
 mod velocity;
 pub mod velocity_control;

@@ -119,6 +119,15 @@ pub fn recording_header(run: &RunConfig, robot: &Robot) -> Header {
             ("mode", mode.to_owned()),
             ("seed", run.seed.to_string()),
             ("version", env!("CARGO_PKG_VERSION").to_owned()),
+            (
+                "friction_velocity",
+                run.options.friction_velocity.name().to_owned(),
+            ),
+            (
+                "stiffness_torque",
+                run.options.stiffness_torque.name().to_owned(),
+            ),
+            ("correction", run.options.correction_gain.to_string()),
         ]
         .map(|(key, value)| (key.to_owned(), value)),
     );

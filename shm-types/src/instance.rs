@@ -12,6 +12,7 @@ use iceoryx2::config::Config;
 use iceoryx2::prelude::{FileName, Path as IpcPath, SemanticString};
 use serde::{Deserialize, Serialize};
 
+use crate::control_options::ControlOptions;
 use crate::topics::Role;
 
 /// How time passes.
@@ -59,6 +60,8 @@ pub struct RunConfig {
     pub plant: Option<String>,
     /// What the drives are commanded.
     pub control: ControlMode,
+    /// How torque control makes its feedforward.
+    pub options: ControlOptions,
     /// How time passes.
     pub mode: Mode,
     /// Control period.

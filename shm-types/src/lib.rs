@@ -4,6 +4,7 @@
 //! directory one running robot owns, [`bus`] is how a process joins it. No control logic lives here.
 
 pub mod bus;
+pub mod control_options;
 pub mod instance;
 pub mod messages;
 pub mod topics;

@@ -48,8 +48,8 @@ pub const DRIVE_SAMPLE: Topic<DriveSample> = Topic::new("drive/sample", 1, 16);
 pub const SENSOR_SAMPLE: Topic<SensorSample> = Topic::new("loop/sample", 3, RELAY_BUFFER);
 /// Feedforward → loop, relay.
 pub const COMMAND: Topic<Command> = Topic::new("feedforward/command", 2, RELAY_BUFFER);
-/// Estimator → loop (which waits for it in lockstep), relay.
-pub const TORQUE_ESTIMATE: Topic<TorqueEstimate> = Topic::new("estimator/torque", 2, RELAY_BUFFER);
+/// Estimator → loop (which waits for it in lockstep), feedforward (which may correct with it), relay.
+pub const TORQUE_ESTIMATE: Topic<TorqueEstimate> = Topic::new("estimator/torque", 3, RELAY_BUFFER);
 /// Loop → relay.
 pub const LOOP_STATUS: Topic<LoopStatus> = Topic::new("loop/status", 1, RELAY_BUFFER);
 /// Emulator → relay.

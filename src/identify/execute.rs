@@ -11,6 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use motion::Reference;
 use recording::Recording;
 use robot::{Effect, Injection, Robot};
+use shm_types::control_options::ControlOptions;
 use shm_types::instance::{ControlMode, Mode, RunConfig, Wait};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use twin::Robots;
@@ -154,6 +155,7 @@ impl<'a> Rig<'a> {
             trajectory: trajectory_path.display().to_string(),
             plant: None,
             control: ControlMode::Velocity,
+            options: ControlOptions::default(),
             mode: Mode::Lockstep,
             period_ns: PERIOD_NS,
             cycles: (experiment.duration_s * 1e9 / PERIOD_NS as f64).ceil() as u64,

@@ -9,12 +9,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use motion::Trajectory;
 use realtime::grant::usable_cores;
 use realtime::process::user_id;
 use robot::Robot;
 use rt_loop::report::{LOOP_REPORT_FILE, LoopReport};
+use services::controller::Controller;
 use services::tracking::{TRACKING_REPORT_FILE, TrackingReport};
-use shm_types::instance::{Instance, Mode, RunConfig};
+use shm_types::control_options::ControlOptions;
+use shm_types::instance::{ControlMode, Instance, Mode, RunConfig};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::cli::RunArguments;
@@ -143,6 +146,7 @@ impl Plan {
             trajectory: absolute_if_file(&trajectory),
             plant,
             control: arguments.control.into(),
+            options: control_options(arguments),
             mode: arguments.mode.into(),
             period_ns: PERIOD_NS,
             cycles,
@@ -154,12 +158,35 @@ impl Plan {
             cores: usable_cores(),
             initial_position_rad: start.position_rad[..robot.joints.len()].to_vec(),
         };
+        check_control(&config, robot.clone(), loaded)?;
         Ok(Self {
             instance,
             config,
             robot_name: robot.name,
         })
     }
+}
+
+fn control_options(arguments: &RunArguments) -> ControlOptions {
+    ControlOptions {
+        friction_velocity: arguments.friction_velocity.into(),
+        stiffness_torque: arguments.stiffness_torque.into(),
+        correction_gain: arguments.correction,
+    }
+}
+
+/// The robot must be controllable the way that is asked for.
+fn check_control(config: &RunConfig, robot: Robot, trajectory: Trajectory) -> Result<(), CliError> {
+    if config.control == ControlMode::Velocity && config.options != ControlOptions::default() {
+        return Err(CliError::Input(
+            "--friction-velocity, --stiffness-torque and --correction change the torque that is fed forward; \
+             leave them out or take --control torque"
+                .to_owned(),
+        ));
+    }
+    Controller::new(config, robot, trajectory)
+        .map(drop)
+        .map_err(CliError::input)
 }
 
 /// The emulated arm must have the joints the controller knows.

@@ -79,7 +79,7 @@ impl<'a> Robots<'a> {
 
 /// Runs `run.cycles` cycles and hands every cycle's messages to `each`, until it returns `false`.
 ///
-/// Of `run` only session, period, cycles, control mode, seed and initial position count.
+/// Of `run` only session, period, cycles, control mode and options, seed and initial position count.
 ///
 /// # Errors
 /// [`TwinError`], also when the loop stopped for safety.
@@ -93,7 +93,7 @@ pub fn simulate(
     let robot = robots.model;
     let config = cycle_config(run, robot);
     let period_s = run.period_ns as f64 * 1e-9;
-    let mut controller = Controller::new(run.control, robot.clone(), trajectory, period_s)?;
+    let mut controller = Controller::new(run, robot.clone(), trajectory)?;
     let mut estimators = Estimators::new(robot, period_s)?;
     let plant = emulated_plant(robots.plant, run, injections)?;
     let joint_count = robot.joints.len();
@@ -106,6 +106,7 @@ pub fn simulate(
         let sample = state.sensor_sample(&config, cycle, &drive_sample);
         let command = controller.command(&sample);
         let estimate = estimators.estimate(&sample);
+        controller.take_estimate(estimate);
         let output = state.step(
             &config,
             &CycleInput {

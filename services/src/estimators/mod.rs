@@ -7,12 +7,14 @@ pub use residual::Residual;
 pub use structural_damping::StructuralDamping;
 
 use joint_model::filter::FilterError;
+use joint_model::rigid_body::Chain;
 use robot::Robot;
-use shm_types::messages::{ABSENT, SensorSample, TorqueEstimate};
+use shm_types::messages::{ABSENT, PerJoint, Readings, SensorSample, TorqueEstimate};
 
 /// All estimators of one robot.
 #[derive(Clone, Debug)]
 pub struct Estimators {
+    chain: Chain,
     joints: Vec<JointEstimators>,
 }
 
@@ -38,6 +40,7 @@ impl Estimators {
         });
         Ok(Self {
             joints: joints.collect::<Result<_, _>>()?,
+            chain: robot.chain.clone(),
         })
     }
 
@@ -49,12 +52,14 @@ impl Estimators {
             structural_damping_torque_nm: ABSENT,
         };
         let readings = &sample.readings;
+        let gravity_nm = self.gravity_nm(readings);
         for (index, joint) in self.joints.iter_mut().enumerate() {
             let motor_position_rad = readings.motor_position_rad[index];
             estimate.residual_torque_nm[index] = joint.residual.estimate_nm(
                 sample.header.cycle,
                 motor_position_rad,
                 readings.motor_torque_nm[index],
+                gravity_nm[index],
             );
             let torsion_rad =
                 motor_position_rad / joint.gear_ratio - readings.link_position_rad[index];
@@ -62,5 +67,21 @@ impl Estimators {
                 joint.structural_damping.estimate_nm(torsion_rad);
         }
         estimate
+    }
+
+    /// Gravity at the measured motor angles over the gear ratios; a joint without one counts as at zero.
+    fn gravity_nm(&self, readings: &Readings) -> PerJoint {
+        let mut position_rad = PerJoint::default();
+        for (index, joint) in self.joints.iter().enumerate() {
+            let motor_rad = readings.motor_position_rad[index];
+            if motor_rad.is_finite() {
+                position_rad[index] = motor_rad / joint.gear_ratio;
+            }
+        }
+        let count = self.joints.len();
+        let mut gravity_nm = PerJoint::default();
+        self.chain
+            .gravity_torque(&position_rad[..count], &mut gravity_nm[..count]);
+        gravity_nm
     }
 }

@@ -1,7 +1,8 @@
 //! Motor torque minus what the model says is lost before the link: friction and rotor inertia.
 //!
-//! `T_j = N T_m - T_friction(θ̇, T_j) - J N² θ̈`, joint side. The load that friction depends on is the estimate of the
-//! cycle before. Limits: at standstill friction takes any value up to breakaway, so the estimate is off by as much.
+//! `T_j = N T_m - T_friction(θ̇, T_g) - J N² θ̈`, joint side. The load that friction depends on is the model's gravity, as
+//! where it was identified. It cannot be the estimate itself: between the knees of PA10-05, Table V, friction changes by 2 to 5 Nm
+//! per Nm of load, so an error would come back multiplied. Limits: a payload is no load for it; at standstill friction takes any value up to breakaway, so the estimate is off by as much.
 
 use joint_model::filter::{Butterworth, FilterError};
 use joint_model::friction::SteadyFriction;
@@ -25,7 +26,6 @@ pub struct Residual {
     velocity: VelocityFilter,
     acceleration: Butterworth,
     velocity_rad_s: f64,
-    torque_nm: f64,
     period_s: f64,
 }
 
@@ -43,17 +43,17 @@ impl Residual {
             velocity: VelocityFilter::new(2, VELOCITY_CUTOFF_HZ, rate_hz)?,
             acceleration: Butterworth::design(2, ACCELERATION_CUTOFF_HZ, rate_hz)?,
             velocity_rad_s: 0.0,
-            torque_nm: 0.0,
             period_s,
         })
     }
 
-    /// Joint torque after one more sample; NaN without a motor torque.
+    /// Joint torque after one more sample under a gravity load; NaN without a motor torque.
     pub fn estimate_nm(
         &mut self,
         cycle: u64,
         motor_position_rad: f64,
         motor_torque_nm: f64,
+        load_nm: f64,
     ) -> f64 {
         let position_rad = motor_position_rad / self.gear_ratio;
         let velocity_rad_s = self.velocity.observe(cycle, position_rad, self.period_s);
@@ -63,17 +63,12 @@ impl Residual {
         self.velocity_rad_s = velocity_rad_s;
         let friction_nm = self.friction.drag_nm(
             velocity_rad_s,
-            self.torque_nm,
+            load_nm,
             motor_position_rad,
             REVERSAL_VELOCITY_RAD_S,
         );
-        let torque_nm = self.gear_ratio * motor_torque_nm
+        self.gear_ratio * motor_torque_nm
             - friction_nm
-            - self.reflected_inertia_kg_m2 * acceleration_rad_s2;
-        // A missing motor torque must not stay in the state.
-        if torque_nm.is_finite() {
-            self.torque_nm = torque_nm;
-        }
-        torque_nm
+            - self.reflected_inertia_kg_m2 * acceleration_rad_s2
     }
 }

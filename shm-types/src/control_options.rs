@@ -1,0 +1,57 @@
+//! What torque control may do beyond the papers' way.
+
+use serde::{Deserialize, Serialize};
+
+/// Choices of the feedforward; the default is PA10-05's: friction on desired velocity, `T_c` over the model's gravity, no
+/// correction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ControlOptions {
+    /// The velocity that friction is fed forward on.
+    pub friction_velocity: FrictionVelocity,
+    /// The load at which friction that depends on load is taken.
+    pub stiffness_torque: StiffnessTorque,
+    /// Share of the model error seen by the torque estimator that is fed forward, 0 to 1; 0 is none.
+    pub correction_gain: f64,
+}
+
+/// The velocity that friction is fed forward on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FrictionVelocity {
+    /// The reference's.
+    #[default]
+    Desired,
+    /// The joint's own, observed from its motor encoder.
+    Measured,
+}
+
+impl FrictionVelocity {
+    /// Its name on the command line and in recordings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Desired => "desired",
+            Self::Measured => "measured",
+        }
+    }
+}
+
+/// The load at which friction that depends on load is taken.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StiffnessTorque {
+    /// Gravity of the model at the reference.
+    #[default]
+    Load,
+    /// Torque from the measured torsion of the gear; needs a link encoder.
+    Torsion,
+}
+
+impl StiffnessTorque {
+    /// Its name on the command line and in recordings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Load => "load",
+            Self::Torsion => "torsion",
+        }
+    }
+}
