@@ -59,7 +59,7 @@ pub struct RunArguments {
     ///
     /// `measured` takes the level of friction at the speed the joint really has, observed from its motor encoder, in the
     /// direction it shall move: never more than the model says is there, and no torque at standstill without desired motion.
-    /// It ends the stick-slip of joints whose friction rises with speed.
+    /// It ends the stick-slip of joints whose friction falls with speed.
     #[arg(long, value_enum, default_value_t = FrictionVelocityArgument::Desired, value_name = "WHICH")]
     pub friction_velocity: FrictionVelocityArgument,
     /// Load at which load-dependent friction is taken: the model's gravity, or the measured torsion of the gear

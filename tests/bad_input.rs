@@ -45,6 +45,17 @@ fn each_wrong_argument_is_named_with_its_remedy() {
         &["--mode", "warp"],
         &["warp", "realtime", "lockstep"],
     );
+    refused(
+        &bench,
+        &["--stiffness-torque", "torsion"],
+        &["pa10", "joint1", "link_encoder_resolution_rad"],
+    );
+    refused(&bench, &["--correction", "1.5"], &["1.5", "between 0"]);
+    refused(
+        &bench,
+        &["--correction", "1", "--control", "velocity"],
+        &["--correction", "--control torque"],
+    );
     refused(&bench, &["--duraton", "1s"], &["--duraton", "--duration"]);
     let escaping = Bench {
         instance: "../escape".to_owned(),

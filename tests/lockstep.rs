@@ -5,7 +5,7 @@ mod support;
 use std::fs;
 
 use recording::Signal;
-use shm_types::control_options::ControlOptions;
+use shm_types::control_options::{ControlOptions, FrictionVelocity};
 use shm_types::instance::{ControlMode, Mode, RunConfig, Wait};
 use support::{Bench, output, text};
 
@@ -36,12 +36,33 @@ fn two_runs_give_the_same_bytes_and_another_seed_gives_others() {
 
 #[test]
 fn the_twin_in_one_process_gives_the_same_bytes() {
-    for (name, control) in [
-        ("torque", ControlMode::Torque),
-        ("velocity", ControlMode::Velocity),
+    let corrected = ControlOptions {
+        friction_velocity: FrictionVelocity::Measured,
+        correction_gain: 1.0,
+        ..ControlOptions::default()
+    };
+    for (name, control, options, arguments) in [
+        (
+            "torque",
+            ControlMode::Torque,
+            ControlOptions::default(),
+            &[][..],
+        ),
+        (
+            "options",
+            ControlMode::Torque,
+            corrected,
+            &["--friction-velocity", "measured", "--correction", "1"][..],
+        ),
+        (
+            "velocity",
+            ControlMode::Velocity,
+            ControlOptions::default(),
+            &["--control", "velocity"][..],
+        ),
     ] {
         let bench = Bench::new(&format!("tw-{}", &name[..3]));
-        let bytes = run(&bench, &["--duration", "2s", "--control", name]);
+        let bytes = run(&bench, &[&["--duration", "2s"], arguments].concat());
         let robot = robot::load("pa10").expect("shipped");
         let trajectory = motion::load("lemniscate", &robot).expect("shipped");
         let mut start = motion::Reference::default();
@@ -54,7 +75,7 @@ fn the_twin_in_one_process_gives_the_same_bytes() {
             trajectory: "lemniscate".to_owned(),
             plant: None,
             control,
-            options: ControlOptions::default(),
+            options,
             mode: Mode::Lockstep,
             period_ns: 666_667,
             cycles: 2_999,
@@ -114,6 +135,19 @@ fn the_arm_follows_its_lemniscate() {
     assert_eq!(report["timing"]["final_state"], "Running");
     assert_eq!(report["timing"]["counters"]["stale_commands"], 0);
     assert_eq!(report["tracking"]["lost_rows"], 0);
+}
+
+#[test]
+fn the_correction_takes_away_most_of_what_the_published_tables_lack() {
+    let (paper, corrected) = (Bench::new("paper"), Bench::new("corr"));
+    run(&paper, &["--duration", "8s"]);
+    run(&corrected, &["--duration", "8s", "--correction", "1"]);
+    let mean_m = |bench: &Bench| {
+        bench.report()["tracking"]["end_effector_error_m"]["mean"]
+            .as_f64()
+            .expect("a mean error")
+    };
+    assert!(mean_m(&corrected) < 0.7 * mean_m(&paper));
 }
 
 #[test]

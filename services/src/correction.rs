@@ -111,3 +111,111 @@ fn slides(lesson: &Lesson<'_>, joint: usize) -> bool {
     desired_rad_s.abs().min(measured_rad_s.abs()) > SLIDING_RAD_S
         && desired_rad_s.signum() == measured_rad_s.signum()
 }
+
+#[cfg(test)]
+mod tests {
+    use shm_types::messages::Header;
+
+    use super::*;
+
+    const PERIOD_S: f64 = 1.0 / 1500.0;
+
+    fn estimate(cycle: u64, torque_nm: f64) -> TorqueEstimate {
+        TorqueEstimate {
+            header: Header {
+                cycle,
+                ..Header::default()
+            },
+            residual_torque_nm: [torque_nm; 16],
+            ..TorqueEstimate::default()
+        }
+    }
+
+    fn learn(correction: &mut Correction, cycle: u64, desired_rad_s: f64, measured_rad_s: f64) {
+        correction.learn(
+            cycle,
+            &Lesson {
+                desired_velocity_rad_s: &[desired_rad_s; 16],
+                measured_velocity_rad_s: &[measured_rad_s; 16],
+                modelled_torque_nm: &[1.0; 16],
+            },
+        );
+    }
+
+    fn pa10(gain: f64) -> Correction {
+        Correction::new(
+            gain,
+            &robot::load("pa10").expect("shipped").joints,
+            PERIOD_S,
+        )
+    }
+
+    /// Two seconds of the same estimate and motion.
+    fn after(gain: f64, estimate_nm: f64, desired_rad_s: f64, measured_rad_s: f64) -> Correction {
+        let mut correction = pa10(gain);
+        for cycle in 0..3000 {
+            learn(&mut correction, cycle, desired_rad_s, measured_rad_s);
+            correction.take(estimate(cycle, estimate_nm));
+        }
+        correction
+    }
+
+    #[test]
+    fn in_motion_the_gains_share_of_the_model_error_is_learned() {
+        for gain in [0.0, 0.5, 1.0] {
+            let torque_nm = after(gain, 3.0, 0.1, 0.1).torque_nm(1);
+            assert!((torque_nm - 2.0 * gain).abs() < 1e-3, "{torque_nm}");
+        }
+    }
+
+    #[test]
+    fn it_never_exceeds_half_of_the_joints_friction() {
+        for (joint, drive) in robot::load("pa10")
+            .expect("shipped")
+            .joints
+            .iter()
+            .enumerate()
+        {
+            let friction_nm = drive.steady_friction().drag_nm(0.01, 0.0, 0.0, 0.0);
+            for estimate_nm in [1e9, -1e9] {
+                let torque_nm = after(1.0, estimate_nm, 0.1, 0.1).torque_nm(joint);
+                assert!(torque_nm.abs() <= 0.5 * friction_nm && torque_nm * estimate_nm > 0.0);
+            }
+        }
+    }
+
+    #[test]
+    fn at_standstill_and_against_the_desired_motion_nothing_is_learned() {
+        for (desired_rad_s, measured_rad_s) in [(0.1, 0.0), (0.0, 0.1), (0.1, -0.1), (0.0, 0.0)] {
+            assert_eq!(
+                after(1.0, 3.0, desired_rad_s, measured_rad_s).torque_nm(0),
+                0.0
+            );
+        }
+    }
+
+    #[test]
+    fn without_an_estimate_it_fades() {
+        for last_nm in [3.0, f64::NAN] {
+            let mut correction = after(1.0, 3.0, 0.1, 0.1);
+            correction.take(estimate(3000, last_nm));
+            for cycle in 3001 + STALE_CYCLES..6000 {
+                learn(&mut correction, cycle, 0.1, 0.1);
+            }
+            assert!(correction.torque_nm(0).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn the_estimate_of_the_cycle_itself_waits_for_the_next() {
+        let (mut early, mut late) = (pa10(1.0), pa10(1.0));
+        for correction in [&mut early, &mut late] {
+            correction.take(estimate(7, 3.0));
+        }
+        early.take(estimate(8, 9.0));
+        learn(&mut early, 8, 0.1, 0.1);
+        learn(&mut late, 8, 0.1, 0.1);
+        assert_eq!(early.torque_nm(0), late.torque_nm(0));
+        assert!(late.torque_nm(0) > 0.0);
+    }
+}

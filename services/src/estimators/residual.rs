@@ -2,7 +2,8 @@
 //!
 //! `T_j = N T_m - T_friction(θ̇, T_g) - J N² θ̈`, joint side. The load that friction depends on is the model's gravity, as
 //! where it was identified. It cannot be the estimate itself: between the knees of PA10-05, Table V, friction changes by 2 to 5 Nm
-//! per Nm of load, so an error would come back multiplied. Limits: a payload is no load for it; at standstill friction takes any value up to breakaway, so the estimate is off by as much.
+//! per Nm of load, so an error would come back multiplied. Limits: a payload is no load for it;
+//! at standstill friction takes any value up to breakaway, so the estimate is off by as much.
 
 use joint_model::filter::{Butterworth, FilterError};
 use joint_model::friction::SteadyFriction;
