@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use identification::experiment::{PA10_2003, PA10_2005, Protocol};
 use shm_types::control_options::{FrictionVelocity, StiffnessTorque};
 use shm_types::instance::{ControlMode, Mode, Wait};
 
@@ -106,9 +107,12 @@ Examples:
   flexspline identify friction --out friction/                  Tables I and II of the PA-10, 80 measurements a joint
   flexspline identify periodic --out table/ --joint joint1      position-dependent friction of one joint
   flexspline identify all --out arm/                            everything, into arm/identified.toml
+  flexspline identify all --out arm/ --plan                     what would be run; writes the trajectory files
+  flexspline identify all --out arm/ --mode realtime --driver NAME   on your robot
 
-The arm moves in velocity mode, one joint at a time, on the emulator and in virtual time. Recordings and trajectories
-stay in the folder; what is recorded already is not run again, so a stopped call goes on where it was.
+The arm moves in velocity mode, one joint at a time; in lockstep the emulator in virtual time. Recordings and trajectories
+stay in the folder; what is recorded already is not run again, so a stopped call goes on where it was. A recording made
+by other means is taken too if it lies there under the name that --plan prints, as MCAP or CSV.
 Exit code: 0 done, 1 stopped or an experiment failed, 2 bad input.")]
 pub struct IdentifyArguments {
     /// What to identify
@@ -123,12 +127,48 @@ pub struct IdentifyArguments {
     /// Only this joint; may be given again
     #[arg(long, value_name = "NAME")]
     pub joint: Vec<String>,
+    /// Speeds of friction and periodic: those of the paper of 2005 (0.02 to 0.4 rad/s, table at 0.01), or of 2003 (0.005
+    /// to 0.5 rad/s, table at 0.005)
+    #[arg(long, value_enum, default_value_t = SpeedsArgument::Pa10_2005)]
+    pub speeds: SpeedsArgument,
+    /// Only print the experiments and write their trajectory files
+    #[arg(long)]
+    pub plan: bool,
+    /// Whether time is the wall clock's, with the loop's own processes, or virtual
+    #[arg(long, value_enum, default_value_t = ModeArgument::Lockstep)]
+    pub mode: ModeArgument,
+    /// Driver that talks to the hardware, in real time
+    #[arg(long, default_value = "emulator", value_name = "NAME")]
+    pub driver: String,
+    /// Name of the instance in real time; two robots need two names
+    #[arg(long, default_value = "default", value_name = "NAME")]
+    pub instance: String,
     /// Where to write the results as JSON too; - for standard output
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
     /// Seed of everything random in the emulator
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub seed: u64,
+}
+
+/// See [`Protocol`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SpeedsArgument {
+    /// 0.02 to 0.4 rad/s
+    #[value(name = "pa10-2005")]
+    Pa10_2005,
+    /// 0.005 to 0.5 rad/s
+    #[value(name = "pa10-2003")]
+    Pa10_2003,
+}
+
+impl From<SpeedsArgument> for Protocol {
+    fn from(argument: SpeedsArgument) -> Self {
+        match argument {
+            SpeedsArgument::Pa10_2005 => PA10_2005,
+            SpeedsArgument::Pa10_2003 => PA10_2003,
+        }
+    }
 }
 
 /// What can be identified.
@@ -140,7 +180,9 @@ pub enum IdentifyWhat {
     Periodic,
     /// Torque over gravity load: Table V; friction must be known, from the robot file or with `all`
     Stiffness,
-    /// Everything, each step with what the steps before it found
+    /// Masses and centres, from the sweeps of `stiffness` with every joint
+    Gravity,
+    /// Everything, each step with what the steps before it found, and how well it predicts motion it was not fitted to
     All,
 }
 
@@ -151,6 +193,7 @@ impl IdentifyWhat {
             Self::Friction => "friction",
             Self::Periodic => "periodic",
             Self::Stiffness => "stiffness",
+            Self::Gravity => "gravity",
             Self::All => "all",
         }
     }
@@ -163,6 +206,16 @@ impl IdentifyWhat {
     /// Whether torque over gravity load is wanted.
     pub fn stiffness(self) -> bool {
         matches!(self, Self::Stiffness | Self::All)
+    }
+
+    /// Whether motion that is not fitted is wanted.
+    pub fn held_out(self) -> bool {
+        self == Self::All
+    }
+
+    /// Whether masses and centres are wanted.
+    pub fn gravity(self) -> bool {
+        matches!(self, Self::Gravity | Self::All)
     }
 
     /// Whether friction over the motor angle is wanted.

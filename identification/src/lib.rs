@@ -3,13 +3,16 @@
 
 mod error;
 pub mod experiment;
+mod floor;
 pub mod friction;
 pub mod gravity;
+pub mod held_out;
 mod loaded_arm;
 pub mod periodic;
-mod slow_motion;
 mod statistics;
+mod steady_motion;
 pub mod stiffness;
 
 pub use error::IdentificationError;
+pub use loaded_arm::{PAYLOAD_CENTRE_KEY, PAYLOAD_KEY, Payload, Sweep};
 pub use statistics::Estimate;

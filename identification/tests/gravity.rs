@@ -3,7 +3,8 @@
 
 mod slow_sweeps;
 
-use identification::gravity::{GravityFit, Quantity, fit_gravity};
+use identification::gravity::{GravityFit, Quantity, SlowPoses, fit_gravity};
+use identification::{IdentificationError, Payload, Sweep};
 use joint_model::rigid_body::{Chain, Link};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
@@ -89,6 +90,19 @@ fn difference_nm(a: &Chain, b: &Chain) -> f64 {
     (sum / (200 * count) as f64).sqrt()
 }
 
+/// Without payload.
+fn fit(recordings: &[&Recording], robot: &Robot) -> Result<GravityFit, IdentificationError> {
+    let poses = |recording: &&Recording| {
+        let payload = Payload::default();
+        SlowPoses::of(&Sweep { recording, payload }, robot)
+    };
+    let slow = recordings
+        .iter()
+        .map(poses)
+        .collect::<Result<Vec<_>, _>>()?;
+    fit_gravity(&slow, robot)
+}
+
 fn words(fit: &GravityFit) -> Vec<&str> {
     fit.identifiable
         .iter()
@@ -101,7 +115,7 @@ fn a_planar_arm_shows_four_sums_known_by_hand() {
     let robot = two_links("[0.0, 1.0, 0.0]");
     let truth = deviating(&robot, 0.05, 1);
     let recording = record(&robot, &truth, 0.1, &wander(&robot, 30, 2));
-    let fit = fit_gravity(&[&recording], &robot).unwrap();
+    let fit = fit(&[&recording], &robot).unwrap();
     assert_eq!(
         words(&fit),
         [
@@ -148,7 +162,7 @@ fn an_axis_along_gravity_sees_nothing() {
         0.1,
         &wander(&robot, 30, 2),
     );
-    let fit = fit_gravity(&[&recording], &robot).unwrap();
+    let fit = fit(&[&recording], &robot).unwrap();
     assert_eq!(words(&fit), ["m·c_x of elbow", "m·c_z of elbow"]);
     let [shoulder, elbow] = fit.links.as_slice() else {
         panic!("two links")
@@ -166,7 +180,7 @@ fn a_seven_joint_arm_is_found_as_far_as_its_torques_show() {
     let robot = robot::load("pa10").unwrap();
     let truth = deviating(&robot, 0.05, 3);
     let recording = record(&robot, &truth, 0.3, &wander(&robot, 25, 4));
-    let fit = fit_gravity(&[&recording], &robot).unwrap();
+    let fit = fit(&[&recording], &robot).unwrap();
     let before_nm = difference_nm(&robot.chain, &truth);
     let after_nm = difference_nm(&fit.chain(&robot).unwrap(), &truth);
     assert!(
@@ -224,11 +238,11 @@ fn a_chain_in_other_frames_tells_the_same_torques() {
         Chain::new(&links, chain.gravity_m_s2(), Isometry3::identity()).unwrap()
     };
     let recording = record(&robot, &truth, 0.3, &wander(&robot, 25, 4));
-    let straight = fit_gravity(&[&recording], &robot).unwrap();
+    let straight = fit(&[&recording], &robot).unwrap();
     let mut robot_turned = robot.clone();
     robot_turned.chain = turned(&robot.chain);
     assert!(difference_nm(&robot.chain, &robot_turned.chain) < 1e-9);
-    let other = fit_gravity(&[&recording], &robot_turned).unwrap();
+    let other = fit(&[&recording], &robot_turned).unwrap();
     assert_eq!(other.rank(), straight.rank());
     let apart_nm = difference_nm(
         &straight.chain(&robot).unwrap(),
@@ -244,7 +258,7 @@ fn without_noise_the_torques_are_reproduced_and_applied_links_make_them() {
     let path = wander(&robot, 30, 6);
     let (front, back) = path.split_at(path.len() / 2);
     let recordings = [front, back].map(|part| record(&robot, &truth, 0.0, part));
-    let fit = fit_gravity(&[&recordings[0], &recordings[1]], &robot).unwrap();
+    let fit = fit(&[&recordings[0], &recordings[1]], &robot).unwrap();
     let fitted = fit.chain(&robot).unwrap();
     assert!(
         difference_nm(&fitted, &truth) < 0.01,
@@ -271,7 +285,7 @@ fn friction_the_file_does_not_know_changes_nothing() {
         friction.viscous.viscous_nm_s_rad = 20.0;
     }
     let recording = plant.record(&wander(&robot, 30, 2), 1);
-    let fit = fit_gravity(&[&recording], &robot).unwrap();
+    let fit = fit(&[&recording], &robot).unwrap();
     let apart_nm = difference_nm(&fit.chain(&robot).unwrap(), &truth);
     assert!(apart_nm < 0.1, "{apart_nm}");
 }
@@ -283,7 +297,7 @@ fn errors_name_joint_and_signal() {
     let spoilt = |spoil: &dyn Fn(&mut Recording)| {
         let mut recording = good.clone();
         spoil(&mut recording);
-        fit_gravity(&[&recording], &robot).unwrap_err().to_string()
+        fit(&[&recording], &robot).unwrap_err().to_string()
     };
     let missing = spoilt(&|recording| {
         recording.joints[1]
@@ -344,6 +358,6 @@ proptest! {
                 (Signal::MotorTorqueNm, rows.iter().map(|(_, _, nm)| *nm).collect()),
             ].into();
         }
-        let _ = fit_gravity(&[&recording], &robot);
+        let _ = fit(&[&recording], &robot);
     }
 }

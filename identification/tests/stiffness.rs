@@ -3,10 +3,8 @@
 
 mod slow_sweeps;
 
-use identification::IdentificationError;
-use identification::stiffness::{
-    DirectionFit, LoadTorqueFit, Payload, StiffnessFit, Sweep, fit_stiffness,
-};
+use identification::stiffness::{DirectionFit, LoadTorqueFit, StiffnessFit, fit_stiffness};
+use identification::{IdentificationError, Payload, Sweep};
 use joint_model::friction::LoadTorqueRow;
 use joint_model::rigid_body::Chain;
 use nalgebra::Isometry3;

@@ -1,11 +1,15 @@
-//! Experiments on the emulated robot, in virtual time, recorded to files. What is recorded already is not run again.
+//! Experiments recorded to files: on the emulated robot in virtual time, or on any robot in real time, by the processes that
+//! `flexspline run` starts. What is recorded already is not run again, whoever recorded it.
 
 use std::fs;
+use std::io::{IsTerminal, stdin};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
 
+use comfy_table::{Table, presets};
+use identification::Payload;
 use identification::experiment::Experiment;
 use indicatif::{ProgressBar, ProgressStyle};
 use motion::Reference;
@@ -13,46 +17,89 @@ use recording::Recording;
 use robot::{Effect, Injection, Robot};
 use shm_types::control_options::ControlOptions;
 use shm_types::instance::{ControlMode, Mode, RunConfig, Wait};
-use signal_hook::consts::{SIGINT, SIGTERM};
 use twin::Robots;
 
 use super::cannot_write;
+use crate::cli::{
+    ControlArgument, FrictionVelocityArgument, IdentifyArguments, ModeArgument, RunArguments,
+    StiffnessTorqueArgument, WaitArgument,
+};
 use crate::error::CliError;
+use crate::run;
 
-/// The drives' rate, as in a run.
-const PERIOD_NS: u64 = 666_667;
 /// Cycles between two looks at Ctrl-C and the progress bar.
 const LOOK_CYCLES: u64 = 1500;
+/// Formats a recording may have, ours first.
+const EXTENSIONS: [&str; 2] = ["mcap", "csv"];
 
-/// The emulated robot and the folder its recordings go to.
+/// The robot and the folder its recordings go to.
 pub struct Rig<'a> {
     robot: &'a Robot,
-    robot_argument: &'a str,
-    out: &'a Path,
-    seed: u64,
+    arguments: &'a IdentifyArguments,
+    /// As recordings name it.
+    robot_name: String,
 }
 
 impl<'a> Rig<'a> {
     /// Makes the folder.
     ///
     /// # Errors
-    /// [`CliError::Input`] if it cannot be made.
-    pub fn new(
-        robot: &'a Robot,
-        robot_argument: &'a str,
-        out: &'a Path,
-        seed: u64,
-    ) -> Result<Self, CliError> {
+    /// [`CliError::Input`] if it cannot be made, or the driver needs another mode.
+    pub fn new(robot: &'a Robot, arguments: &'a IdentifyArguments) -> Result<Self, CliError> {
+        run::check_driver(&arguments.driver)?;
+        let emulated = arguments.driver == "emulator";
+        if arguments.mode == ModeArgument::Lockstep && !emulated {
+            return Err(CliError::Input(format!(
+                "--driver {}: virtual time is the emulator's; add --mode realtime",
+                arguments.driver
+            )));
+        }
         for folder in ["recordings", "trajectories"] {
-            let path = out.join(folder);
+            let path = arguments.out.join(folder);
             fs::create_dir_all(&path).map_err(|error| cannot_write(&path, &error))?;
         }
         Ok(Self {
             robot,
-            robot_argument,
-            out,
-            seed,
+            arguments,
+            robot_name: run::absolute_if_file(&arguments.robot),
         })
+    }
+
+    /// As its file says, before anything was identified: what the experiments are planned by.
+    pub fn robot(&self) -> &'a Robot {
+        self.robot
+    }
+
+    /// Writes every trajectory and tells what would be run.
+    ///
+    /// # Errors
+    /// [`CliError::Input`] if a trajectory cannot be written.
+    pub fn print_plan(&self, plan: &[Experiment]) -> Result<(), CliError> {
+        let mut table = Table::new();
+        table
+            .load_preset(presets::UTF8_HORIZONTAL_ONLY)
+            .set_header(["trajectory", "recording", "s", "kg at the flange", ""]);
+        for experiment in plan {
+            let recorded = self.is_recorded(experiment)?;
+            if !recorded {
+                self.write_trajectory(experiment)?;
+            }
+            table.add_row([
+                self.trajectory_path(experiment).display().to_string(),
+                self.new_recording_path(experiment).display().to_string(),
+                format!("{:.1}", experiment.duration_s),
+                in_words(&experiment.payload),
+                if recorded { "recorded" } else { "" }.to_owned(),
+            ]);
+        }
+        println!("{table}");
+        let total_s: f64 = plan.iter().map(|experiment| experiment.duration_s).sum();
+        println!(
+            "{} experiments, {total_s:.0} s of motion. Each is recorded as by\n  flexspline run --control velocity \
+             --trajectory TRAJECTORY --duration SECONDS --record RECORDING\nor by other means, as NAME.mcap or NAME.csv.",
+            plan.len()
+        );
+        Ok(())
     }
 
     /// Records every experiment that is not recorded yet; Ctrl-C stops, and the next call goes on from there.
@@ -60,15 +107,85 @@ impl<'a> Rig<'a> {
     /// # Errors
     /// [`CliError`] of the first that failed, or that was stopped.
     pub fn record_all(&self, plan: &[Experiment]) -> Result<(), CliError> {
-        let todo: Vec<&Experiment> = plan
-            .iter()
-            .filter(|experiment| !self.is_recorded(experiment))
-            .collect();
-        let stop = Arc::new(AtomicBool::new(false));
-        for signal in [SIGINT, SIGTERM] {
-            signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(CliError::input)?;
+        let mut todo = Vec::new();
+        for experiment in plan {
+            if !self.is_recorded(experiment)? {
+                todo.push(experiment);
+            }
         }
-        let bar = progress_bar(&todo);
+        let stop = run::stop_on_signals()?;
+        match self.arguments.mode {
+            ModeArgument::Lockstep => self.record_in_virtual_time(&todo, &stop),
+            ModeArgument::Realtime => self.record_in_real_time(todo, &stop),
+        }
+    }
+
+    /// The recordings of experiments, in their order.
+    ///
+    /// # Errors
+    /// [`CliError::Input`] if one cannot be read.
+    pub fn read(&self, plan: &[Experiment]) -> Result<Vec<Recording>, CliError> {
+        let read = |experiment: &Experiment| {
+            let found = self.found_recording(experiment);
+            let path = found.unwrap_or_else(|| self.new_recording_path(experiment));
+            recording::read(&path).map_err(CliError::input)
+        };
+        plan.iter().map(read).collect()
+    }
+
+    fn recording_path(&self, experiment: &Experiment, extension: &str) -> PathBuf {
+        let name = format!("{}.{extension}", experiment.name);
+        self.arguments.out.join("recordings").join(name)
+    }
+
+    fn new_recording_path(&self, experiment: &Experiment) -> PathBuf {
+        self.recording_path(experiment, EXTENSIONS[0])
+    }
+
+    fn found_recording(&self, experiment: &Experiment) -> Option<PathBuf> {
+        let paths = EXTENSIONS.map(|extension| self.recording_path(experiment, extension));
+        paths.into_iter().find(|path| path.exists())
+    }
+
+    fn trajectory_path(&self, experiment: &Experiment) -> PathBuf {
+        let name = format!("{}.toml", experiment.name);
+        self.arguments.out.join("trajectories").join(name)
+    }
+
+    fn write_trajectory(&self, experiment: &Experiment) -> Result<PathBuf, CliError> {
+        let path = self.trajectory_path(experiment);
+        let text = toml::to_string(&experiment.trajectory).map_err(CliError::input)?;
+        fs::write(&path, text).map_err(|error| cannot_write(&path, &error))?;
+        Ok(path)
+    }
+
+    /// A recording under its last name is complete. As far as it tells, it must be of this robot and this seed, and as far
+    /// as its trajectory lies there, of this motion.
+    fn is_recorded(&self, experiment: &Experiment) -> Result<bool, CliError> {
+        let Some(path) = self.found_recording(experiment) else {
+            return Ok(false);
+        };
+        let recording = recording::read(&path).map_err(CliError::input)?;
+        let agrees = |key: &str, value: &str| {
+            let told = recording.metadata.get(key);
+            told.is_none_or(|told| told == value)
+        };
+        let same_motion = match fs::read_to_string(self.trajectory_path(experiment)) {
+            Ok(text) => toml::to_string(&experiment.trajectory).is_ok_and(|wanted| wanted == text),
+            Err(_) => true,
+        };
+        Ok(same_motion
+            && agrees("robot", &self.robot_name)
+            && agrees("seed", &self.arguments.seed.to_string()))
+    }
+
+    /// On the emulator, as many experiments at a time as there are cores.
+    fn record_in_virtual_time(
+        &self,
+        todo: &[&Experiment],
+        stop: &AtomicBool,
+    ) -> Result<(), CliError> {
+        let bar = progress_bar(todo);
         let next = AtomicUsize::new(0);
         let failure: Mutex<Option<CliError>> = Mutex::new(None);
         let workers = std::thread::available_parallelism().map_or(1, usize::from);
@@ -76,7 +193,7 @@ impl<'a> Rig<'a> {
             for _ in 0..workers.min(todo.len()) {
                 scope.spawn(|| {
                     while let Some(experiment) = todo.get(next.fetch_add(1, Ordering::Relaxed)) {
-                        if let Err(error) = self.record(experiment, &stop, &bar) {
+                        if let Err(error) = self.simulate(experiment, stop, &bar) {
                             stop.store(true, Ordering::Relaxed);
                             if let Ok(mut first) = failure.lock() {
                                 first.get_or_insert(error);
@@ -95,87 +212,41 @@ impl<'a> Rig<'a> {
         }
     }
 
-    /// The recordings of experiments, in their order.
-    ///
-    /// # Errors
-    /// [`CliError::Input`] if one cannot be read.
-    pub fn read(&self, plan: &[Experiment]) -> Result<Vec<Recording>, CliError> {
-        let read = |experiment: &Experiment| recording::read(&self.recording_path(experiment));
-        plan.iter()
-            .map(|experiment| read(experiment).map_err(CliError::input))
-            .collect()
-    }
-
-    fn recording_path(&self, experiment: &Experiment) -> PathBuf {
-        self.out
-            .join("recordings")
-            .join(format!("{}.mcap", experiment.name))
-    }
-
-    fn trajectory_path(&self, experiment: &Experiment) -> PathBuf {
-        self.out
-            .join("trajectories")
-            .join(format!("{}.toml", experiment.name))
-    }
-
-    /// A recording under its last name is complete; it must also be of this motion, this robot and this seed.
-    fn is_recorded(&self, experiment: &Experiment) -> bool {
-        let same_motion = toml::to_string(&experiment.trajectory).ok()
-            == fs::read_to_string(self.trajectory_path(experiment)).ok();
-        same_motion
-            && recording::read(&self.recording_path(experiment)).is_ok_and(|recording| {
-                let told = |key: &str| recording.metadata.get(key).cloned();
-                told("robot").as_deref() == Some(self.robot_argument)
-                    && told("seed") == Some(self.seed.to_string())
-            })
-    }
-
-    fn record(
+    fn simulate(
         &self,
         experiment: &Experiment,
         stop: &AtomicBool,
         bar: &ProgressBar,
     ) -> Result<(), CliError> {
-        let trajectory_path = self.trajectory_path(experiment);
-        let text = toml::to_string(&experiment.trajectory).map_err(CliError::input)?;
-        fs::write(&trajectory_path, text)
-            .map_err(|error| cannot_write(&trajectory_path, &error))?;
+        let unfinished = Unfinished::new(&self.new_recording_path(experiment))?;
+        let trajectory_path = self.write_trajectory(experiment)?;
         let trajectory = experiment
             .trajectory
             .build(&experiment.name, self.robot)
             .map_err(CliError::input)?;
         let mut start = Reference::default();
         trajectory.sample(0.0, &mut start);
-        let path = self.recording_path(experiment);
-        let unfinished = path.with_extension("mcap.unfinished");
         let run = RunConfig {
             session: 1,
-            robot: self.robot_argument.to_owned(),
-            driver: "emulator".to_owned(),
+            robot: self.robot_name.clone(),
+            driver: self.arguments.driver.clone(),
             trajectory: trajectory_path.display().to_string(),
             plant: None,
             control: ControlMode::Velocity,
             options: ControlOptions::default(),
             mode: Mode::Lockstep,
-            period_ns: PERIOD_NS,
-            cycles: (experiment.duration_s * 1e9 / PERIOD_NS as f64).ceil() as u64,
+            period_ns: run::PERIOD_NS,
+            cycles: (experiment.duration_s * 1e9 / run::PERIOD_NS as f64).ceil() as u64,
             wait: Wait::Block,
-            seed: self.seed,
+            seed: self.arguments.seed,
             inject: None,
-            record: Some(unfinished.clone()),
-            command_deadline_ns: PERIOD_NS,
+            record: Some(unfinished.path.clone()),
+            command_deadline_ns: run::PERIOD_NS,
             cores: Vec::new(),
             initial_position_rad: start.position_rad[..self.robot.joints.len()].to_vec(),
         };
         let mut stopped = false;
-        let payload = (experiment.payload.mass_kg > 0.0).then_some(Injection {
-            joint: None,
-            effect: Effect::Payload {
-                mass_kg: experiment.payload.mass_kg,
-                centre_m: experiment.payload.centre_m,
-            },
-            start_s: 0.0,
-        });
+        let payload = injected(&experiment.payload);
         twin::record(
             &run,
             Robots::same(self.robot),
@@ -190,13 +261,147 @@ impl<'a> Rig<'a> {
             },
         )
         .map_err(|error| CliError::Negative(format!("experiment {}: {error}", experiment.name)))?;
+        unfinished.finish(stopped)
+    }
+
+    /// One after the other, by `flexspline run`'s own processes. Bare experiments first, so that the payload is changed as
+    /// seldom as can be.
+    fn record_in_real_time(
+        &self,
+        mut todo: Vec<&Experiment>,
+        stop: &AtomicBool,
+    ) -> Result<(), CliError> {
+        todo.sort_by(|a, b| a.payload.mass_kg.total_cmp(&b.payload.mass_kg));
+        let mut mounted_kg = 0.0;
+        for (number, experiment) in todo.iter().enumerate() {
+            let payload_kg = experiment.payload.mass_kg;
+            if self.arguments.driver != "emulator" && payload_kg != mounted_kg {
+                ask_for(&experiment.payload, experiment)?;
+            }
+            mounted_kg = payload_kg;
+            eprintln!(
+                "experiment {} of {}: {}, {:.0} s",
+                number + 1,
+                todo.len(),
+                experiment.name,
+                experiment.duration_s
+            );
+            self.run(experiment, stop)?;
+        }
+        Ok(())
+    }
+
+    fn run(&self, experiment: &Experiment, stop: &AtomicBool) -> Result<(), CliError> {
+        let unfinished = Unfinished::new(&self.new_recording_path(experiment))?;
+        let trajectory = self.write_trajectory(experiment)?;
+        let arguments = RunArguments {
+            robot: self.arguments.robot.clone(),
+            driver: self.arguments.driver.clone(),
+            trajectory: Some(trajectory.display().to_string()),
+            duration: Duration::from_secs_f64(experiment.duration_s),
+            control: ControlArgument::Velocity,
+            friction_velocity: FrictionVelocityArgument::Desired,
+            stiffness_torque: StiffnessTorqueArgument::Load,
+            correction: 0.0,
+            mode: ModeArgument::Realtime,
+            plant: None,
+            inject: self.injection_file(experiment)?,
+            record: Some(unfinished.path.clone()),
+            json: None,
+            instance: self.arguments.instance.clone(),
+            seed: self.arguments.seed,
+            wait: WaitArgument::Block,
+        };
+        run::record(&arguments, stop)?;
+        unfinished.finish(stop.load(Ordering::Relaxed))
+    }
+
+    /// The payload as the emulator takes it, beside the trajectory.
+    fn injection_file(&self, experiment: &Experiment) -> Result<Option<PathBuf>, CliError> {
+        let Payload { mass_kg, centre_m } = experiment.payload;
+        if mass_kg == 0.0 || self.arguments.driver != "emulator" {
+            return Ok(None);
+        }
+        let path = self
+            .trajectory_path(experiment)
+            .with_extension("inject.toml");
+        let text = format!(
+            "[[effect]]\neffect = \"payload\"\nmass_kg = {mass_kg:?}\ncentre_m = {centre_m:?}\n"
+        );
+        fs::write(&path, text).map_err(|error| cannot_write(&path, &error))?;
+        Ok(Some(path))
+    }
+}
+
+/// A recording that gets its name when it is complete.
+struct Unfinished {
+    path: PathBuf,
+    last_name: PathBuf,
+}
+
+impl Unfinished {
+    /// Takes away what stood under the last name: it was of another motion.
+    fn new(last_name: &Path) -> Result<Self, CliError> {
+        if last_name.exists() {
+            fs::remove_file(last_name).map_err(|error| cannot_write(last_name, &error))?;
+        }
+        Ok(Self {
+            path: last_name.with_extension("unfinished.mcap"),
+            last_name: last_name.to_owned(),
+        })
+    }
+
+    fn finish(self, stopped: bool) -> Result<(), CliError> {
         if stopped {
-            let _ = fs::remove_file(&unfinished);
+            let _ = fs::remove_file(&self.path);
             return Err(CliError::Negative(
                 "stopped; the same command goes on from here".to_owned(),
             ));
         }
-        fs::rename(&unfinished, &path).map_err(|error| cannot_write(&path, &error))
+        fs::rename(&self.path, &self.last_name)
+            .map_err(|error| cannot_write(&self.last_name, &error))
+    }
+}
+
+fn injected(payload: &Payload) -> Option<Injection> {
+    (payload.mass_kg > 0.0).then_some(Injection {
+        joint: None,
+        effect: Effect::Payload {
+            mass_kg: payload.mass_kg,
+            centre_m: payload.centre_m,
+        },
+        start_s: 0.0,
+    })
+}
+
+fn in_words(payload: &Payload) -> String {
+    let [x_m, y_m, z_m] = payload.centre_m;
+    if payload.mass_kg == 0.0 {
+        return "0".to_owned();
+    }
+    format!(
+        "{} at ({x_m}, {y_m}, {z_m}) m of the last link",
+        payload.mass_kg
+    )
+}
+
+/// Waits until somebody has mounted it.
+fn ask_for(payload: &Payload, experiment: &Experiment) -> Result<(), CliError> {
+    let what = in_words(payload);
+    if !stdin().is_terminal() {
+        return Err(CliError::Input(format!(
+            "experiment {} needs {what} kg at the flange, and there is no terminal to ask at; see --plan and record it \
+             yourself",
+            experiment.name
+        )));
+    }
+    eprintln!("mount {what} kg at the flange, then press Enter");
+    match stdin().read_line(&mut String::new()) {
+        Ok(0) => Err(CliError::Negative(
+            "no payload was mounted; the same command goes on from here".to_owned(),
+        )),
+        Ok(_) => Ok(()),
+        Err(error) => Err(CliError::input(error)),
     }
 }
 

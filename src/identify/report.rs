@@ -17,9 +17,9 @@ use robot::published::Published;
 
 use super::{Identified, JointResult};
 
-/// The page, with the gravity fit where there is one.
-pub fn page(identified: &Identified, robot: &Robot, gravity: Option<&GravityFit>) -> Page {
-    let joints = &identified.joints;
+/// The page.
+pub fn page(identified: &Identified, robot: &Robot) -> Page {
+    let (joints, gravity) = (&identified.joints, identified.gravity.as_ref());
     let [early, late] = ["2003", "2005"].map(|year| paper(robot, year));
     let late = late.as_ref();
     let mut page = Page::new(
@@ -76,7 +76,7 @@ fn verdict(joints: &[JointResult], gravity: Option<&GravityFit>) -> String {
         .max_by(|a, b| a.1.total_cmp(&b.1));
     let worst = worst.map_or(String::new(), |(joint, share)| {
         format!(
-            "; trials left out of the friction fit are predicted within {} % rms of the friction (worst: {})",
+            "; motion never fitted is predicted within {} % rms of the friction (worst: {})",
             number(100.0 * share, 2),
             joint.joint
         )
@@ -118,7 +118,7 @@ fn overview(identified: &Identified, paper: Option<&Published>) -> Section {
             .into(),
         ]);
     }
-    let findings = findings(&identified.joints);
+    let findings = findings(identified);
     let section = Section::new("overview", "Overview")
         .paragraph(
             "Everything here comes from recorded motor torque, motor position and reference velocity. All torques are at \
@@ -151,9 +151,9 @@ fn harmonics(count: usize) -> String {
 }
 
 /// What a reader should know before trusting the values.
-fn findings(joints: &[JointResult]) -> Vec<String> {
-    let mut all = Vec::new();
-    for joint in joints {
+fn findings(identified: &Identified) -> Vec<String> {
+    let mut all = identified.findings.clone();
+    for joint in &identified.joints {
         let of_friction = joint.friction.iter().flat_map(|fit| &fit.findings);
         all.extend(of_friction.chain(&joint.findings).cloned());
     }

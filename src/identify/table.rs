@@ -1,15 +1,17 @@
-//! The tables that `identify` prints: Tables I, II and III for this robot.
+//! The tables that `identify` prints: Tables I, II, III and V for this robot, its gravity, and what the model is worth.
 
 use std::fmt::Write;
 
 use comfy_table::{CellAlignment, Table, presets};
 use identification::Estimate;
+use identification::experiment::HELD_OUT_RAD_S;
 use identification::friction::{DirectionFit, FrictionModel, JointFriction};
+use identification::gravity::GravityFit;
 use identification::periodic::PeriodicAnalysis;
 use identification::stiffness::StiffnessFit;
 use robot::{Robot, StribeckRow};
 
-use super::Identified;
+use super::{HeldOut, Identified};
 
 /// Everything as text.
 pub fn text(identified: &Identified, robot: &Robot) -> String {
@@ -62,7 +64,32 @@ pub fn text(identified: &Identified, robot: &Robot) -> String {
         );
         let _ = writeln!(text, "{}", load_torques(&stiffnesses));
     }
-    for finding in identified.joints.iter().flat_map(|joint| &joint.findings) {
+    if let Some(gravity) = &identified.gravity {
+        let _ = writeln!(text, "Gravity, from slow motion with known payloads");
+        let _ = writeln!(text, "{}", gravity_torques(gravity));
+        let _ = writeln!(text, "{}", identifiable(gravity));
+        let _ = writeln!(
+            text,
+            "{} directions of masses and centres change no torque of these motions; there the file's values stay",
+            gravity.unseen.len()
+        );
+    }
+    if identified
+        .joints
+        .iter()
+        .any(|joint| joint.held_out.is_some())
+    {
+        let _ = writeln!(
+            text,
+            "Motion that was not fitted, at {} rad/s: error of the predicted torque",
+            HELD_OUT_RAD_S
+                .map(|speed_rad_s| speed_rad_s.to_string())
+                .join(", ")
+        );
+        let _ = writeln!(text, "{}", held_out(identified));
+    }
+    let of_joints = identified.joints.iter().flat_map(|joint| &joint.findings);
+    for finding in of_joints.chain(&identified.findings) {
         let _ = writeln!(text, "{finding}");
     }
     let _ = writeln!(text, "robot file: {}", identified.robot_file.display());
@@ -239,6 +266,77 @@ fn load_torques(stiffnesses: &[&StiffnessFit]) -> Table {
         }
     }
     aligned(table, 2)
+}
+
+fn gravity_torques(gravity: &GravityFit) -> Table {
+    let mut table = new_table(&[
+        "joint",
+        "mass, kg",
+        "file",
+        "centre, m",
+        "file",
+        "rms with the file, Nm",
+        "fitted, Nm",
+        "poses left out, Nm",
+    ]);
+    for (link, joint) in gravity.links.iter().zip(&gravity.joints) {
+        let centre_m = link.centre_of_mass_m.map(|component| component.value);
+        table.add_row([
+            link.joint.clone(),
+            format!(
+                "{:.3} ± {:.3}",
+                link.mass_kg.value, link.mass_kg.standard_error
+            ),
+            format!("{:.3}", link.file_mass_kg),
+            vector(&centre_m),
+            vector(&link.file_centre_of_mass_m),
+            format!("{:.3}", joint.file_rms_nm),
+            format!("{:.3}", joint.fitted_rms_nm),
+            format!("{:.3}", joint.held_out_rms_nm),
+        ]);
+    }
+    aligned(table, 1)
+}
+
+fn vector(values: &[f64; 3]) -> String {
+    values.map(|value| format!("{value:.4}")).join(", ")
+}
+
+fn identifiable(gravity: &GravityFit) -> Table {
+    let mut table = new_table(&["what these motions determine", "file", "fitted", ""]);
+    for sum in &gravity.identifiable {
+        table.add_row([
+            sum.words.clone(),
+            format!("{:.4}", sum.file_value),
+            format!("{:.4} ± {:.4}", sum.fitted.value, sum.fitted.standard_error),
+            sum.unit.to_owned(),
+        ]);
+    }
+    aligned(table, 1)
+}
+
+fn held_out(identified: &Identified) -> Table {
+    let mut table = new_table(&[
+        "joint",
+        "friction, Nm",
+        "rms with the file, Nm",
+        "of friction",
+        "identified, Nm",
+        "of friction",
+    ]);
+    for joint in &identified.joints {
+        if let Some(HeldOut { file, identified }) = &joint.held_out {
+            table.add_row([
+                joint.joint.clone(),
+                format!("{:.2}", identified.mean_friction_nm),
+                format!("{:.3}", file.rms_nm),
+                format!("{:.1} %", 100.0 * file.share),
+                format!("{:.3}", identified.rms_nm),
+                format!("{:.1} %", 100.0 * identified.share),
+            ]);
+        }
+    }
+    aligned(table, 1)
 }
 
 fn new_table(header: &[&str]) -> Table {

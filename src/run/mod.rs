@@ -27,7 +27,7 @@ use progress::Progress;
 use report::RunReport;
 
 /// The servo drivers' rate: where "1.5 kHz" comes from.
-const PERIOD_NS: u64 = 666_667;
+pub const PERIOD_NS: u64 = 666_667;
 /// Part of the period, in percent, after which a command that has not come is missing.
 const COMMAND_DEADLINE_PERCENT: u64 = 75;
 
@@ -37,13 +37,46 @@ const COMMAND_DEADLINE_PERCENT: u64 = 75;
 /// [`CliError::Input`] before anything was started, [`CliError::Negative`] if the run ended badly.
 pub fn run(arguments: &RunArguments) -> Result<(), CliError> {
     let plan = Plan::new(arguments)?;
+    let stop = stop_on_signals()?;
+    let (report, ended) = execute(plan, &stop)?;
+    let to_standard_output = arguments.json.as_deref() == Some(Path::new("-"));
+    if !to_standard_output {
+        println!("{report}");
+    }
+    if let Some(path) = &arguments.json {
+        report.write_json(path)?;
+    }
+    ended?;
+    report.verdict()
+}
+
+/// Runs a robot for its recording alone.
+///
+/// # Errors
+/// As [`run`] has them.
+pub fn record(arguments: &RunArguments, stop: &AtomicBool) -> Result<(), CliError> {
+    let (report, ended) = execute(Plan::new(arguments)?, stop)?;
+    ended?;
+    report.verdict()
+}
+
+/// A flag that Ctrl-C and SIGTERM raise.
+///
+/// # Errors
+/// [`CliError::Input`] if the system refuses.
+pub fn stop_on_signals() -> Result<Arc<AtomicBool>, CliError> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(CliError::input)?;
     }
+    Ok(stop)
+}
+
+/// Starts an instance, watches it, stops it: what it came to, and whether it ended as it should.
+fn execute(plan: Plan, stop: &AtomicBool) -> Result<(RunReport, Result<(), CliError>), CliError> {
     let mut supervisor =
         Supervisor::start(&plan.instance, &plan.config).map_err(CliError::input)?;
-    let watched = watch(&mut supervisor, &plan.config, &stop);
+    let watched = watch(&mut supervisor, &plan.config, stop);
     let stopped = supervisor.stop();
     let report = RunReport {
         robot: plan.robot_name,
@@ -63,17 +96,10 @@ pub fn run(arguments: &RunArguments) -> Result<(), CliError> {
         restarts: supervisor.restarts().to_vec(),
     };
     supervisor.leave();
-    let to_standard_output = arguments.json.as_deref() == Some(Path::new("-"));
-    if !to_standard_output {
-        println!("{report}");
-    }
-    if let Some(path) = &arguments.json {
-        report.write_json(path)?;
-    }
-    watched
+    let ended = watched
         .and(stopped)
-        .map_err(|error| CliError::Negative(error.to_string()))?;
-    report.verdict()
+        .map_err(|error| CliError::Negative(error.to_string()));
+    Ok((report, ended))
 }
 
 /// Watches until the loop ends or somebody presses Ctrl-C.
@@ -103,13 +129,7 @@ struct Plan {
 impl Plan {
     fn new(arguments: &RunArguments) -> Result<Self, CliError> {
         let instance = Instance::new(&arguments.instance, user_id()).map_err(CliError::input)?;
-        if !rt_loop::process::DRIVERS.contains(&arguments.driver.as_str()) {
-            let known = rt_loop::process::DRIVERS.join(", ");
-            return Err(CliError::Input(format!(
-                "unknown driver `{}`; known: {known}",
-                arguments.driver
-            )));
-        }
+        check_driver(&arguments.driver)?;
         let cycles = arguments.duration.as_nanos() / u128::from(PERIOD_NS);
         let cycles = u64::try_from(cycles)
             .ok()
@@ -189,6 +209,20 @@ fn check_control(config: &RunConfig, robot: Robot, trajectory: Trajectory) -> Re
         .map_err(CliError::input)
 }
 
+/// That there is such a driver.
+///
+/// # Errors
+/// [`CliError::Input`] with those there are.
+pub fn check_driver(driver: &str) -> Result<(), CliError> {
+    if rt_loop::process::DRIVERS.contains(&driver) {
+        return Ok(());
+    }
+    let known = rt_loop::process::DRIVERS.join(", ");
+    Err(CliError::Input(format!(
+        "unknown driver `{driver}`; known: {known}"
+    )))
+}
+
 /// The emulated arm must have the joints the controller knows.
 fn check_plant(plant: &str, robot: &Robot) -> Result<(), CliError> {
     let names = |robot: &Robot| -> Vec<String> {
@@ -210,7 +244,7 @@ fn check_plant(plant: &str, robot: &Robot) -> Result<(), CliError> {
 }
 
 /// Names stay names; files are found from every process's directory.
-fn absolute_if_file(name_or_path: &str) -> String {
+pub fn absolute_if_file(name_or_path: &str) -> String {
     let path = Path::new(name_or_path);
     if path.is_file() {
         absolute(path).display().to_string()

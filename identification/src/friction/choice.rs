@@ -234,5 +234,16 @@ fn fit_findings(fit: &DirectionFit, direction: Direction) -> Vec<String> {
             Some(_) => None,
         }
     };
-    fit.parameters.iter().filter_map(doubtful).collect()
+    let on_bound = fit.parameters.iter().any(|parameter| parameter.at_bound);
+    let undetermined = fit
+        .vc_range_rad_s
+        .filter(|_| !fit.vc_is_determined && !on_bound);
+    let undetermined = undetermined.map(|[low, high]| {
+        format!(
+            "{name} direction: these speeds do not determine Vc: {low:.3} to {high:.3} rad/s fit within two standard \
+             errors, with other Fs and Fv; the curve holds between the speeds, not its parts"
+        )
+    });
+    let doubtful = fit.parameters.iter().filter_map(doubtful);
+    doubtful.chain(undetermined).collect()
 }

@@ -12,7 +12,6 @@ mod comparison;
 mod fit;
 mod least_squares;
 mod model;
-pub(crate) mod span;
 mod speeds;
 mod steady;
 mod stribeck;

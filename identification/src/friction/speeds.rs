@@ -3,7 +3,7 @@
 use joint_model::friction::Direction;
 
 use super::SteadyMeasurement;
-use super::span::same_speed;
+use crate::steady_motion::constant::same_speed;
 
 /// The least scatter relative to the largest friction, for measurements that agree to the last digit.
 const ROUNDING: f64 = 1e-9;
@@ -97,12 +97,35 @@ fn squares_about_mean(values: &[f64]) -> f64 {
     values.iter().map(|value| (value - mean).powi(2)).sum()
 }
 
+/// How well a drive's torque is known, as a share of friction: the digit of PA10-05's servo driver, 0.001 Nm (eq (1)), of the
+/// 0.8 Nm or so that its large joints take. Trials repeat such errors, so their scatter does not tell.
+const ACCURACY: f64 = 1e-3;
+
+/// One point for each speed, with what really is uncertain about it: the mean's share of the scatter, enlarged by
+/// `birge` where the model misses the speeds by more than the trials scatter, and the accuracy of the torque.
+pub(super) fn independent(points: &[Point], birge: f64) -> Vec<Point> {
+    let means = grouped(points).into_iter().enumerate();
+    means
+        .map(|(trial, group)| {
+            let scatter_nm = birge * group.scatter_nm / (group.count as f64).sqrt();
+            Point {
+                speed_rad_s: group.speed_rad_s,
+                asked_rad_s: group.speed_rad_s,
+                level_nm: group.level_nm,
+                scatter_nm: scatter_nm.hypot(ACCURACY * group.level_nm),
+                trial,
+            }
+        })
+        .collect()
+}
+
 /// All points at one speed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SpeedGroup {
     pub speed_rad_s: f64,
     pub level_nm: f64,
     pub scatter_nm: f64,
+    pub count: usize,
 }
 
 /// Means of the points at each speed, which share their scatter.
@@ -118,6 +141,7 @@ pub(super) fn grouped(points: &[Point]) -> Vec<SpeedGroup> {
                 speed_rad_s: mean(|p| p.speed_rad_s),
                 level_nm: mean(|p| p.level_nm),
                 scatter_nm: mean(|p| p.scatter_nm),
+                count: group.len(),
             }
         })
         .collect()

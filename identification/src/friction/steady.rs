@@ -5,8 +5,10 @@ use recording::{Recording, Signal};
 use robot::Robot;
 use serde::Serialize;
 
-use super::span::{FrictionRow, Span, SteadyMotion, same_speed, whole_revolutions};
 use crate::IdentificationError;
+use crate::steady_motion::constant::{
+    FrictionRow, Span, SteadyMotion, same_speed, whole_revolutions,
+};
 
 /// How long a velocity loop takes to settle, with room: at 1500 Hz with the filter of PA10-05 (200 Hz) a step of the
 /// reference has decayed after a few hundredths of a second, the torsion of a loaded gear a little later.
@@ -19,7 +21,7 @@ pub struct SteadyMeasurement {
     pub velocity_rad_s: f64,
     /// The velocity asked for.
     pub reference_rad_s: f64,
-    /// Mean of `N·T_motor - T_gravity`: the sign of the motion where friction opposes it, as in eq (7).
+    /// Mean over the angle of `N·T_motor - T_gravity`: the sign of the motion where friction opposes it, as in eq (7).
     pub friction_nm: f64,
     /// Standard deviation over the rows: position-dependent friction and noise.
     pub std_nm: f64,
@@ -98,7 +100,7 @@ fn measure(span: &Span, rows: &[FrictionRow], gear_ratio: f64) -> Option<SteadyM
         return None;
     }
     let count = rows.len() as f64;
-    let friction_nm = rows.iter().map(|row| row.friction_nm).sum::<f64>() / count;
+    let friction_nm = mean_over_angle(rows, |row| row.friction_nm)?;
     let deviation = |row: &FrictionRow| (row.friction_nm - friction_nm).powi(2);
     Some(SteadyMeasurement {
         velocity_rad_s,
@@ -107,10 +109,22 @@ fn measure(span: &Span, rows: &[FrictionRow], gear_ratio: f64) -> Option<SteadyM
         std_nm: (rows.iter().map(deviation).sum::<f64>() / count).sqrt(),
         trial: 0,
         motor_revolutions,
-        load_nm: rows.iter().map(|row| row.load_nm).sum::<f64>() / count,
+        load_nm: mean_over_angle(rows, |row| row.load_nm)?,
         duration_s,
         recording: span.recording,
     })
+}
+
+/// Work over travel. The joint is slower where friction is higher, by as much as its velocity loop lets it, so the mean over
+/// time would count high friction twice; and over whole revolutions at one velocity no energy is left in rotor or gear.
+fn mean_over_angle(rows: &[FrictionRow], value: impl Fn(&FrictionRow) -> f64) -> Option<f64> {
+    let travel_rad = rows.last()?.motor_position_rad - rows.first()?.motor_position_rad;
+    let work = rows.windows(2).map(|pair| {
+        let step_rad = pair[1].motor_position_rad - pair[0].motor_position_rad;
+        0.5 * (value(&pair[0]) + value(&pair[1])) * step_rad
+    });
+    let mean = work.sum::<f64>() / travel_rad;
+    mean.is_finite().then_some(mean)
 }
 
 /// Friction that pushes is a torque of the wrong sign. The mean of both directions tells, because a wrong mass in the

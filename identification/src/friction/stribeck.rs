@@ -11,6 +11,9 @@ use super::speeds::Point;
 /// 0.8 rad/s) one a factor of 1.8 from the next, closer than two minima of the sum of squares lie.
 const TRIED: usize = 10;
 
+/// Of the search for the ends of a range of `Vc`, which begin a few times apart: to a part in a thousand.
+const HALVINGS: usize = 14;
+
 /// Coefficients of eq (7) for one direction, as magnitudes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StribeckFit {
@@ -39,12 +42,19 @@ pub(super) fn derivatives(fit: &StribeckFit) -> impl Fn(f64) -> [f64; 4] {
     }
 }
 
+/// A quarter of the smallest speed and twice the largest.
+pub(super) fn vc_bounds(points: &[Point]) -> [f64; 2] {
+    let speeds = || points.iter().map(|point| point.speed_rad_s);
+    [
+        speeds().fold(f64::INFINITY, f64::min) / 4.0,
+        speeds().fold(0.0, f64::max) * 2.0,
+    ]
+}
+
 /// Fits eq (7) with `Vc` between a quarter of the smallest speed and twice the largest: outside, the speeds show only
 /// one end of the exponential, and `Fs` trades with `F0` or `Fv`.
 pub(super) fn fit(points: &[Point]) -> Option<StribeckFit> {
-    let speeds = || points.iter().map(|point| point.speed_rad_s);
-    let least = speeds().fold(f64::INFINITY, f64::min) / 4.0;
-    let most = speeds().fold(0.0, f64::max) * 2.0;
+    let [least, most] = vc_bounds(points);
     let step = (most / least).ln() / (TRIED - 1) as f64;
     let tried: Vec<(StribeckFit, f64)> = (0..TRIED)
         .map(|index| least * (step * index as f64).exp())
@@ -60,6 +70,27 @@ pub(super) fn fit(points: &[Point]) -> Option<StribeckFit> {
         .filter_map(|(vc_rad_s, at_bound)| at_vc(points, vc_rad_s, at_bound))
         .min_by(|(_, a), (_, b)| a.total_cmp(b))
         .map(|(fit, _)| fit)
+}
+
+/// The range of `Vc`, within its bounds, over which the weighted squares of the best fits rise by no more than `rise`.
+pub(super) fn vc_range(points: &[Point], fit: &StribeckFit, rise: f64) -> [f64; 2] {
+    let squares = |vc_rad_s| at_vc(points, vc_rad_s, false).map_or(f64::INFINITY, |tried| tried.1);
+    let most = squares(fit.vc_rad_s) + rise;
+    vc_bounds(points).map(|bound| {
+        let (mut inside, mut outside) = (fit.vc_rad_s.ln(), bound.ln());
+        if squares(bound) <= most {
+            return bound;
+        }
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (inside + outside);
+            if squares(middle.exp()) <= most {
+                inside = middle;
+            } else {
+                outside = middle;
+            }
+        }
+        inside.exp()
+    })
 }
 
 fn is_lowest_nearby(tried: &[(StribeckFit, f64)], index: usize) -> bool {

@@ -1,16 +1,20 @@
 //! One equation for each moving joint in each pose, and the least squares over them.
 //!
-//! `T_in·N - T_f = T_g(θ) + f_+ or f_- + f_v·θ̇`, with `T_f` the friction that the robot file knows, at the gravity load
-//! sought, and for each joint three unknowns for what it does not know: a torque for each direction and one in
+//! `T_in·N - T_f = T_g(θ) + f_+ or f_- + f_v·θ̇ + f_c(T_g)`, with `T_f` the friction that the robot file knows, at the
+//! gravity load sought, and for each joint unknowns for what it does not know: a torque for each direction and one in
 //! proportion to velocity. Where every pose is passed both ways this is the mean of both directions, in which friction
-//! cancels; unlike the mean it also takes poses passed one way only.
+//! cancels; unlike the mean it also takes poses passed one way only. A joint with Table V has been given it with other
+//! gravity than the one sought, so the slopes of its regions are unknowns too (`f_c`); known payloads tell them from
+//! gravity, because they change the load by a torque that is no unknown.
 
-use joint_model::friction::{Direction, SteadyFriction};
-use nalgebra::{DMatrix, DVector, SVD};
+use joint_model::friction::{Direction, Sliding, SteadyFriction};
+use joint_model::rigid_body::Chain;
+use nalgebra::{DMatrix, DVector, RowDVector, SVD};
 use robot::Robot;
 
 use super::parameters::Parameters;
 use super::poses::{Pose, Reading};
+use crate::floor::is_above_floor;
 use crate::statistics::{correlated_samples, root_mean_square};
 
 /// Singular values below this share of the largest are rounding.
@@ -27,16 +31,23 @@ const SETTLED: f64 = 1e-9;
 
 /// All equations of one joint.
 pub(super) struct JointEquations {
-    /// Load-dependent friction of the robot file.
-    load_friction: SteadyFriction,
-    pub position_rad: Vec<f64>,
-    readings: Vec<Reading>,
-    /// Cell of each equation's pose.
-    pub cells: Vec<i64>,
-    /// Gravity torque per parameter, in units of the file's tolerance.
+    /// What the robot file knows.
+    friction: SteadyFriction,
+    equations: Vec<Equation>,
+    parameters: usize,
+}
+
+/// One moving joint in one pose.
+#[derive(Clone)]
+struct Equation {
+    reading: Reading,
+    position_rad: f64,
+    /// Of its pose.
+    cell: i64,
+    /// Gravity torque per parameter at each sample of the pose, in units of the file's tolerance.
     columns: DMatrix<f64>,
-    /// Gravity torque of the robot file.
-    pub file_nm: DVector<f64>,
+    /// Gravity torque of the robot file at each sample.
+    file_nm: DVector<f64>,
 }
 
 /// What the data determine of the parameters, in units of the file's tolerance.
@@ -52,160 +63,221 @@ pub(super) struct Solution {
     pub unseen: DMatrix<f64>,
 }
 
-impl JointEquations {
-    pub fn new(joint: usize, poses: &[Pose], robot: &Robot, parameters: &Parameters) -> Self {
-        let known = robot.joints[joint].steady_friction();
-        let felt: Vec<(&Pose, &Reading)> = poses
-            .iter()
-            .filter_map(|pose| {
-                let reading = pose
-                    .readings
-                    .iter()
-                    .find(|reading| reading.joint == joint)?;
-                Some((pose, reading))
-            })
-            .collect();
-        let mut columns = DMatrix::zeros(felt.len(), parameters.count());
-        let mut file_nm = DVector::zeros(felt.len());
-        for (row, (pose, _)) in felt.iter().enumerate() {
-            let (torques, payload_nm) = parameters.torques(&pose.position_rad);
+impl Equation {
+    fn new(joint: usize, pose: &Pose, parameters: &Parameters, payload: &Chain) -> Option<Self> {
+        let reading = pose.readings.iter().find(|found| found.joint == joint)?;
+        let samples = pose.samples_rad.len();
+        let mut columns = DMatrix::zeros(samples, parameters.count());
+        let mut file_nm = DVector::zeros(samples);
+        let mut payload_nm = vec![0.0; parameters.joints()];
+        for (row, position_rad) in pose.samples_rad.iter().enumerate() {
+            payload.gravity_torque(position_rad, &mut payload_nm);
             file_nm[row] = payload_nm[joint];
-            for (column, torque) in torques.iter().enumerate() {
-                file_nm[row] += torque[joint] * parameters.file[column];
-                columns[(row, column)] = torque[joint] * parameters.tolerance[column];
+            for (column, torque_nm) in parameters.torques_nm(position_rad, joint).enumerate() {
+                file_nm[row] += torque_nm * parameters.file[column];
+                columns[(row, column)] = torque_nm * parameters.tolerance[column];
             }
         }
-        Self {
-            // Its harmonics are in the reading already.
-            load_friction: SteadyFriction {
-                periodic: Default::default(),
-                lookup: None,
-                ..known
-            },
-            position_rad: felt
-                .iter()
-                .map(|(pose, _)| pose.position_rad[joint])
-                .collect(),
-            cells: felt.iter().map(|(pose, _)| pose.cell).collect(),
-            readings: felt.iter().map(|(_, reading)| (*reading).clone()).collect(),
+        let position_rad = pose.samples_rad.iter().map(|angles| angles[joint]);
+        Some(Self {
+            position_rad: position_rad.sum::<f64>() / samples as f64,
+            reading: reading.clone(),
+            cell: pose.cell,
             columns,
             file_nm,
+        })
+    }
+
+    /// Gravity torque at each sample.
+    fn loads_nm(&self, change: &DVector<f64>) -> DVector<f64> {
+        &self.file_nm + &self.columns * change
+    }
+
+    /// Mean over the samples of the friction that the file knows at these loads, about the axis.
+    fn known_friction_nm(&self, friction: &SteadyFriction, loads_nm: &DVector<f64>) -> f64 {
+        let drag_nm = |(load_nm, motor_rad): (&f64, &f64)| {
+            friction.drag_nm(self.reading.velocity_rad_s, *load_nm, *motor_rad, 0.0)
+        };
+        let samples = loads_nm.iter().zip(&self.reading.motor_rad);
+        samples.map(drag_nm).sum::<f64>() / loads_nm.len() as f64
+    }
+
+    /// Derivative by the parameters of gravity torque and known friction together.
+    fn gradient(&self, friction: &SteadyFriction, change: &DVector<f64>) -> RowDVector<f64> {
+        // Long beside rounding, short beside the regions of Table V.
+        const STEP_NM: f64 = 1e-3;
+        let velocity_rad_s = self.reading.velocity_rad_s;
+        let slope = |load_nm: f64, motor_rad: f64| {
+            let drag_nm = |load_nm| friction.drag_nm(velocity_rad_s, load_nm, motor_rad, 0.0);
+            1.0 + (drag_nm(load_nm + STEP_NM) - drag_nm(load_nm - STEP_NM)) / (2.0 * STEP_NM)
+        };
+        let loads_nm = self.loads_nm(change);
+        let samples = loads_nm.iter().zip(&self.reading.motor_rad);
+        let slopes = samples.map(|(load_nm, motor_rad)| slope(*load_nm, *motor_rad));
+        let slopes = RowDVector::from_iterator(loads_nm.len(), slopes);
+        slopes * &self.columns / loads_nm.len() as f64
+    }
+
+    /// Whether friction tells of load all through the pose, by the file's gravity.
+    fn is_above_floor(&self, friction: &SteadyFriction) -> bool {
+        let samples = self.file_nm.iter().zip(&self.reading.motor_rad);
+        samples.into_iter().all(|(load_nm, motor_rad)| {
+            let level_nm = |load_nm| {
+                friction.level_nm(&Sliding {
+                    load_nm,
+                    motor_position_rad: *motor_rad,
+                    ..Sliding::at(self.reading.velocity_rad_s)
+                })
+            };
+            is_above_floor(level_nm(*load_nm), level_nm(0.0))
+        })
+    }
+
+    /// What may be wrong with the known friction: for each direction a torque and, where the file has Table V, the slope
+    /// in each of its regions; and viscous drag.
+    fn unknown_friction(&self, friction: &SteadyFriction, loads_nm: &DVector<f64>) -> Vec<f64> {
+        let mean_nm = |beyond_nm: f64| {
+            let over = loads_nm
+                .iter()
+                .map(|load_nm| (load_nm - beyond_nm).max(0.0));
+            over.sum::<f64>() / loads_nm.len() as f64
+        };
+        let mut columns = vec![self.reading.velocity_rad_s];
+        for direction in [Direction::Positive, Direction::Negative] {
+            let here = f64::from(u8::from(self.reading.direction == direction));
+            columns.push(here);
+            if let Some(table) = &friction.load_torque {
+                let [first_nm, second_nm] = table.row(direction).knees_nm;
+                columns.push(here * loads_nm.mean());
+                columns.push(here * mean_nm(first_nm));
+                columns.push(here * mean_nm(second_nm));
+            }
+        }
+        columns
+    }
+}
+
+impl JointEquations {
+    /// Of poses each with the payload that hung at the flange. Where friction is on its floor there is no equation.
+    pub fn new(
+        joint: usize,
+        poses: &[(&Pose, &Chain)],
+        robot: &Robot,
+        parameters: &Parameters,
+    ) -> Self {
+        let friction = robot.joints[joint].steady_friction();
+        let equations = poses
+            .iter()
+            .filter_map(|(pose, payload)| Equation::new(joint, pose, parameters, payload))
+            .filter(|equation| equation.is_above_floor(&friction));
+        Self {
+            equations: equations.collect(),
+            friction,
+            parameters: parameters.count(),
         }
     }
 
     pub fn count(&self) -> usize {
-        self.readings.len()
+        self.equations.len()
     }
 
-    /// Those of the equations that `keep` says by index.
-    pub fn only(&self, keep: impl Fn(usize) -> bool) -> Self {
-        let rows: Vec<usize> = (0..self.count()).filter(|row| keep(*row)).collect();
+    pub fn position_rad(&self) -> Vec<f64> {
+        let equations = self.equations.iter();
+        equations.map(|equation| equation.position_rad).collect()
+    }
+
+    /// Those of the equations whose cell `keep` takes.
+    pub fn only(&self, keep: impl Fn(i64) -> bool) -> Self {
+        let kept = self.equations.iter().filter(|equation| keep(equation.cell));
         Self {
-            load_friction: self.load_friction.clone(),
-            position_rad: rows.iter().map(|row| self.position_rad[*row]).collect(),
-            cells: rows.iter().map(|row| self.cells[*row]).collect(),
-            readings: rows.iter().map(|row| self.readings[*row].clone()).collect(),
-            columns: self.columns.select_rows(&rows),
-            file_nm: self.file_nm.select_rows(&rows),
+            equations: kept.cloned().collect(),
+            friction: self.friction.clone(),
+            parameters: self.parameters,
         }
     }
 
     /// Torque times the sign of the motion without the file's gravity, and torque: see
-    /// [`check_sign`](crate::slow_motion::check_sign).
+    /// [`check_sign`](crate::steady_motion::slow::check_sign).
     pub fn along_and_torque_nm(&self) -> (Vec<f64>, Vec<f64>) {
-        let pairs = self.readings.iter().zip(&self.file_nm);
-        pairs
-            .map(|(reading, file_nm)| {
-                let along_nm = reading.direction.sign() * (reading.torque_nm - file_nm);
-                (along_nm, reading.torque_nm)
-            })
-            .unzip()
+        let pair = |equation: &Equation| {
+            let Reading {
+                direction,
+                torque_nm,
+                ..
+            } = equation.reading;
+            let along_nm = direction.sign() * (torque_nm - equation.file_nm.mean());
+            (along_nm, torque_nm)
+        };
+        self.equations.iter().map(pair).unzip()
+    }
+
+    /// One value of each equation.
+    fn each(&self, value: impl Fn(&Equation) -> f64) -> DVector<f64> {
+        DVector::from_iterator(self.count(), self.equations.iter().map(value))
     }
 
     /// Gravity torque with these changes of the parameters.
     pub fn gravity_nm(&self, change: &DVector<f64>) -> DVector<f64> {
-        &self.file_nm + &self.columns * change
+        self.each(|equation| equation.loads_nm(change).mean())
     }
 
-    /// Measured torque less the friction that the file knows at this gravity torque.
-    pub fn without_known_friction_nm(&self, gravity_nm: &DVector<f64>) -> DVector<f64> {
-        let rows = self.readings.iter().zip(gravity_nm.iter());
-        let remaining = rows.map(|(reading, load_nm)| {
-            reading.torque_nm - reading.friction_nm - self.load_part_nm(reading, *load_nm)
-        });
-        DVector::from_iterator(self.count(), remaining)
-    }
-
-    /// By how much load changes friction, about the axis.
-    fn load_part_nm(&self, reading: &Reading, load_nm: f64) -> f64 {
-        let drag_nm = |load_nm| {
-            self.load_friction
-                .drag_nm(reading.velocity_rad_s, load_nm, 0.0, 0.0)
-        };
-        drag_nm(load_nm) - drag_nm(0.0)
-    }
-
-    /// How measured torque less known friction answers to gravity torque: 1 where friction knows no load.
-    fn slopes(&self, gravity_nm: &DVector<f64>) -> DVector<f64> {
-        // Long beside rounding, short beside the regions of Table V.
-        const STEP_NM: f64 = 1e-3;
-        let rows = self.readings.iter().zip(gravity_nm.iter());
-        let slopes = rows.map(|(reading, load_nm)| {
-            let part_nm = |step_nm: f64| self.load_part_nm(reading, load_nm + step_nm);
-            1.0 + (part_nm(STEP_NM) - part_nm(-STEP_NM)) / (2.0 * STEP_NM)
-        });
-        DVector::from_iterator(self.count(), slopes)
-    }
-
-    /// Columns of the friction that the file does not know: a torque for each direction, and viscous drag.
-    fn unknown_friction(&self) -> DMatrix<f64> {
-        DMatrix::from_fn(self.count(), 3, |row, column| {
-            let reading = &self.readings[row];
-            match (column, reading.direction) {
-                (0, Direction::Positive) | (1, Direction::Negative) => 1.0,
-                (2, _) => reading.velocity_rad_s,
-                _ => 0.0,
-            }
+    /// Measured torque less gravity torque and the friction that the file knows under it.
+    pub fn unexplained_nm(&self, change: &DVector<f64>) -> DVector<f64> {
+        self.each(|equation| {
+            let loads_nm = equation.loads_nm(change);
+            let friction_nm = equation.known_friction_nm(&self.friction, &loads_nm);
+            equation.reading.torque_nm - friction_nm - loads_nm.mean()
         })
     }
 
-    /// The friction the file does not know, as these residuals show it.
-    pub fn fit_friction(&self, residual_nm: &DVector<f64>) -> DVector<f64> {
-        least_squares(self.unknown_friction(), residual_nm)
+    /// Columns of the friction that the file does not know.
+    fn unknown_friction(&self, change: &DVector<f64>) -> DMatrix<f64> {
+        let columns = |equation: &Equation| {
+            equation.unknown_friction(&self.friction, &equation.loads_nm(change))
+        };
+        let rows: Vec<Vec<f64>> = self.equations.iter().map(columns).collect();
+        let width = rows.first().map_or(0, Vec::len);
+        DMatrix::from_fn(rows.len(), width, |row, column| rows[row][column])
+    }
+
+    /// The friction the file does not know, as these equations show it.
+    pub fn fit_friction(&self, change: &DVector<f64>) -> DVector<f64> {
+        least_squares(self.unknown_friction(change), &self.unexplained_nm(change))
     }
 
     /// Its torque in each equation.
-    pub fn friction_nm(&self, friction: &DVector<f64>) -> DVector<f64> {
-        self.unknown_friction() * friction
+    pub fn friction_nm(&self, friction: &DVector<f64>, change: &DVector<f64>) -> DVector<f64> {
+        self.unknown_friction(change) * friction
     }
 
     /// Residual with these changes of the parameters, and friction as it fits best.
     pub fn residual_nm(&self, change: &DVector<f64>) -> DVector<f64> {
-        let gravity_nm = self.gravity_nm(change);
-        let residual_nm = self.without_known_friction_nm(&gravity_nm) - gravity_nm;
-        let friction = self.fit_friction(&residual_nm);
-        &residual_nm - self.friction_nm(&friction)
+        let friction = self.fit_friction(change);
+        self.unexplained_nm(change) - self.friction_nm(&friction, change)
     }
 
     /// Derivative of what the parameters explain, as far as friction cannot explain it.
     fn jacobian(&self, change: &DVector<f64>) -> DMatrix<f64> {
-        let slopes = self.slopes(&self.gravity_nm(change));
-        let mut jacobian = self.columns.clone();
-        for mut column in jacobian.column_iter_mut() {
-            column.component_mul_assign(&slopes);
+        let mut jacobian = DMatrix::zeros(self.count(), self.parameters);
+        for (row, equation) in self.equations.iter().enumerate() {
+            jacobian.set_row(row, &equation.gradient(&self.friction, change));
         }
-        let friction = orthonormal(self.unknown_friction());
+        let friction = orthonormal(self.unknown_friction(change));
         let explained = &friction * (friction.transpose() * &jacobian);
         jacobian - explained
     }
 
     /// Standard deviation of the noise of one equation, as if successive ones were independent.
-    fn noise_nm(&self, residual_nm: &DVector<f64>) -> f64 {
+    fn noise_nm(&self, residual_nm: &DVector<f64>, unknown_friction: usize) -> f64 {
         let count = self.count() as f64;
-        let torque_nm = root_mean_square(self.readings.iter().map(|reading| reading.torque_nm));
+        let torques_nm = self
+            .equations
+            .iter()
+            .map(|equation| equation.reading.torque_nm);
+        let torque_nm = root_mean_square(torques_nm);
         let scatter_nm = root_mean_square(residual_nm.iter().copied());
         let persistence = correlated_samples(residual_nm.as_slice());
-        let freedom = (1.0 - 3.0 * persistence / count).max(1.0 / count);
+        let freedom = (1.0 - unknown_friction as f64 * persistence / count).max(1.0 / count);
         let least_nm = (BEST_ACCURACY * torque_nm).max(f64::MIN_POSITIVE.sqrt());
         (scatter_nm * (persistence / freedom).sqrt()).max(least_nm)
     }
@@ -234,7 +306,8 @@ fn round(joints: &[JointEquations], change: &DVector<f64>) -> Solution {
     for joint in joints {
         let residual_nm = joint.residual_nm(change);
         let jacobian = joint.jacobian(change);
-        let weight = joint.noise_nm(&residual_nm).recip();
+        let unknown_friction = joint.unknown_friction(change).ncols();
+        let weight = joint.noise_nm(&residual_nm, unknown_friction).recip();
         let target_nm = residual_nm + &jacobian * change;
         matrix
             .rows_mut(from, joint.count())

@@ -16,6 +16,11 @@
 //! with the soft wind-up of Table V therefore needs [`stiffness`](crate::stiffness) first; without it the residual of a
 //! loaded joint is as large as its friction, and the fit leaves such a joint's masses as the file has them.
 //!
+//! Table V was itself fitted with some gravity. So where the file has it, the slopes of its regions are fitted along and
+//! only its knees are taken from the file. What tells slopes from gravity is a known payload: sweeps with several of
+//! them. Poses in which an overrunning load has eased friction to its floor are left out, for the file does not say how much
+//! friction that is.
+//!
 //! Rows at rest are not used, because friction at rest may be anything up to breakaway: a pose "approached from both
 //! directions" is used by the slow motion that leads to it. Left out as well: the first 0.01 rad after a reversal, motion
 //! faster than 0.2 rad/s, and accelerated motion.
@@ -29,12 +34,16 @@ mod words;
 pub use fit::{Combination, FittedLink, GravityFit, JointGravity, Quantity, Term, UnseenDirection};
 
 use joint_model::friction::Direction;
+use joint_model::rigid_body::Chain;
 use nalgebra::{DMatrix, DVector};
-use recording::{Recording, Signal};
+use recording::Signal;
 use robot::Robot;
 
-use crate::slow_motion::{Run, check_sign, no_slow_motion, runs};
+use crate::loaded_arm::{Payload, Sweep};
 use crate::statistics::root_mean_square;
+use crate::steady_motion::slow::{
+    check_sign, fastest_rad_s, no_slow_motion, position_signal, runs,
+};
 use crate::{Estimate, IdentificationError};
 use equations::{JointEquations, solve};
 use parameters::{PER_LINK, Parameters};
@@ -46,29 +55,60 @@ const LEAST_POSES: usize = 12;
 /// The poses are split in so many parts; each is left out once.
 const FOLDS: i64 = 5;
 
-/// Fits masses and centres of mass to recordings of slow motion in both directions. Every joint must move in some of
-/// them, several may move at a time.
+/// What one recording of slow motion says about gravity. Small beside the recording.
+#[derive(Clone, Debug)]
+pub struct SlowPoses {
+    poses: Vec<Pose>,
+    payload: Payload,
+    /// For each joint, which position was read and how fast it moved at most.
+    moved: Vec<(Signal, f64)>,
+}
+
+impl SlowPoses {
+    /// Averages the slow motion in both directions over turns of the motor.
+    ///
+    /// # Errors
+    /// [`IdentificationError`], naming joint and signal that is missing or too often not measured.
+    pub fn of(sweep: &Sweep, robot: &Robot) -> Result<Self, IdentificationError> {
+        let all: Vec<usize> = (0..robot.joints.len()).collect();
+        let runs = runs(sweep.recording, robot, &all)?;
+        let moved = robot.joints.iter().enumerate().map(|(index, joint)| {
+            let signal = position_signal(sweep.recording, &joint.name);
+            (signal, fastest_rad_s(&runs, index))
+        });
+        Ok(Self {
+            moved: moved.collect(),
+            poses: runs.iter().flat_map(|run| poses(run, robot)).collect(),
+            payload: sweep.payload,
+        })
+    }
+}
+
+/// Fits masses and centres of mass to slow motion in both directions. Every joint must move in some of the recordings,
+/// several may move at a time. What hung at the flange is known and not fitted.
 ///
 /// # Errors
-/// [`IdentificationError`], naming joint and signal: a signal is missing or too often not measured, a joint never moved
-/// slowly and steadily, or in too few poses, torque has the wrong sign, or the masses found are impossible.
+/// [`IdentificationError`], naming joint and signal: a joint never moved slowly and steadily, or in too few poses, torque
+/// has the wrong sign, or the masses found are impossible.
 pub fn fit_gravity(
-    recordings: &[&Recording],
+    recorded: &[SlowPoses],
     robot: &Robot,
 ) -> Result<GravityFit, IdentificationError> {
-    let all: Vec<usize> = (0..robot.joints.len()).collect();
-    let mut found: Vec<Run> = Vec::new();
-    for recording in recordings {
-        found.extend(runs(recording, robot, &all)?);
-    }
-    let poses: Vec<Pose> = found.iter().flat_map(|run| poses(run, robot)).collect();
     let parameters = Parameters::of(robot)?;
-    let joints: Vec<JointEquations> = all
+    let payloads = recorded
         .iter()
-        .map(|joint| JointEquations::new(*joint, &poses, robot, &parameters))
+        .map(|slow| parameters.payload_chain(&slow.payload))
+        .collect::<Result<Vec<_>, _>>()?;
+    let poses: Vec<(&Pose, &Chain)> = recorded
+        .iter()
+        .zip(&payloads)
+        .flat_map(|(slow, payload)| slow.poses.iter().map(move |pose| (pose, payload)))
+        .collect();
+    let joints: Vec<JointEquations> = (0..robot.joints.len())
+        .map(|joint| JointEquations::new(joint, &poses, robot, &parameters))
         .collect();
     for (joint, equations) in joints.iter().enumerate() {
-        check_joint(recordings, &found, robot, joint, equations)?;
+        check_joint(recorded, robot, joint, equations)?;
     }
     let solution = solve(&joints, parameters.count());
     let covariance = solution.covariance();
@@ -93,17 +133,17 @@ pub fn fit_gravity(
 }
 
 fn check_joint(
-    recordings: &[&Recording],
-    runs: &[Run],
+    recorded: &[SlowPoses],
     robot: &Robot,
     joint: usize,
     equations: &JointEquations,
 ) -> Result<(), IdentificationError> {
     let name = &robot.joints[joint].name;
     if equations.count() == 0 {
-        let recording = recordings.first().copied();
-        let nothing = |direction| no_slow_motion(recording, runs.iter(), robot, joint, direction);
-        return Err(nothing(Direction::Positive));
+        let moved = recorded.iter().map(|slow| slow.moved[joint]);
+        let fastest = moved.max_by(|a, b| a.1.total_cmp(&b.1));
+        let fastest = fastest.unwrap_or((Signal::MotorPositionRad, 0.0));
+        return Err(no_slow_motion(name, fastest, Direction::Positive));
     }
     if equations.count() < LEAST_POSES {
         return Err(IdentificationError::TooShort {
@@ -122,15 +162,14 @@ fn check_joint(
 fn held_out_rms_nm(joints: &[JointEquations], parameters: usize) -> Vec<[f64; 2]> {
     let mut squares = vec![[0.0, 0.0]; joints.len()];
     for fold in 0..FOLDS {
-        let left_out =
-            |joint: &JointEquations, row: usize| joint.cells[row].rem_euclid(FOLDS) == fold;
+        let left_out = |cell: i64| cell.rem_euclid(FOLDS) == fold;
         let trained: Vec<JointEquations> = joints
             .iter()
-            .map(|joint| joint.only(|row| !left_out(joint, row)))
+            .map(|joint| joint.only(|cell| !left_out(cell)))
             .collect();
         let fitted = solve(&trained, parameters).change;
         for ((joint, trained), squares) in joints.iter().zip(&trained).zip(&mut squares) {
-            let tested = joint.only(|row| left_out(joint, row));
+            let tested = joint.only(left_out);
             for (square, change) in squares
                 .iter_mut()
                 .zip([&DVector::zeros(parameters), &fitted])
@@ -151,12 +190,11 @@ fn prediction_error_nm(
     tested: &JointEquations,
     change: &DVector<f64>,
 ) -> DVector<f64> {
-    let without_gravity_nm = |equations: &JointEquations| {
-        let gravity_nm = equations.gravity_nm(change);
-        equations.without_known_friction_nm(&gravity_nm) - gravity_nm
-    };
-    let friction = trained.fit_friction(&without_gravity_nm(trained));
-    without_gravity_nm(tested) - tested.friction_nm(&friction)
+    let friction = trained.fit_friction(change);
+    if tested.count() == 0 {
+        return DVector::zeros(0);
+    }
+    tested.unexplained_nm(change) - tested.friction_nm(&friction, change)
 }
 
 fn summary(
@@ -174,9 +212,12 @@ fn summary(
         fitted_rms_nm: rms_nm(&residual_nm),
         held_out_file_rms_nm,
         held_out_rms_nm,
-        position_rad: equations.position_rad.clone(),
+        position_rad: equations.position_rad(),
         measured_nm: (&fitted_nm + residual_nm).as_slice().to_vec(),
-        file_nm: equations.file_nm.as_slice().to_vec(),
+        file_nm: equations
+            .gravity_nm(&DVector::zeros(change.len()))
+            .as_slice()
+            .to_vec(),
         fitted_nm: fitted_nm.as_slice().to_vec(),
     }
 }

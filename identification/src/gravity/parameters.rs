@@ -4,12 +4,15 @@
 //! chain of which only this parameter is not zero. Parameters are counted link by link as `m·c_x, m·c_y, m·c_z, m`, and
 //! in units of how well the robot file knows them (one standard deviation), so that the smallest change is the likeliest.
 
+use joint_model::JOINTS_MAX;
 use joint_model::rigid_body::{Chain, ChainError, Link};
 use nalgebra::{DVector, Vector3};
 use robot::Robot;
 
 use super::Quantity;
-use crate::loaded_arm::{base_gravity_m_s2, gravity_chain, known_payloads, massless};
+use crate::loaded_arm::{
+    Payload, PointMass, base_gravity_m_s2, gravity_chain, known_payloads, massless,
+};
 
 /// Parameters of one link.
 pub(super) const PER_LINK: usize = 4;
@@ -30,8 +33,9 @@ pub(super) struct Parameters {
     pub tolerance: DVector<f64>,
     /// For each link, the chain with 1 kg at its origin, then at a distance of 1 m along x, y and z.
     unit_chains: Vec<[Chain; PER_LINK]>,
-    /// Nothing but the payloads that the file knows.
-    payloads: Chain,
+    bare: Vec<Link>,
+    gravity_m_s2: Vector3<f64>,
+    known_payloads: Vec<PointMass>,
 }
 
 impl Parameters {
@@ -57,7 +61,9 @@ impl Parameters {
             file: values(links.iter().flat_map(file_values)),
             tolerance: values(tolerances(robot)),
             unit_chains: unit_chains.collect::<Result<_, ChainError>>()?,
-            payloads: gravity_chain(&bare, gravity_m_s2, &known_payloads(robot))?,
+            bare,
+            gravity_m_s2,
+            known_payloads: known_payloads(robot),
         })
     }
 
@@ -65,19 +71,29 @@ impl Parameters {
         self.file.len()
     }
 
-    /// Torque about each joint's axis per unit of each parameter, and torque of the known payloads.
-    pub fn torques(&self, position_rad: &[f64]) -> (Vec<DVector<f64>>, DVector<f64>) {
-        let torque_nm = |chain: &Chain| {
-            let mut torque_nm = DVector::zeros(position_rad.len());
-            chain.gravity_torque(position_rad, torque_nm.as_mut_slice());
-            torque_nm
+    pub fn joints(&self) -> usize {
+        self.bare.len()
+    }
+
+    /// Nothing but what hung at the flange and what the file says hangs there.
+    pub fn payload_chain(&self, payload: &Payload) -> Result<Chain, ChainError> {
+        let mut payloads = self.known_payloads.clone();
+        payloads.push(PointMass::from(payload));
+        gravity_chain(&self.bare, self.gravity_m_s2, &payloads)
+    }
+
+    /// Torque about one joint's axis per unit of each parameter.
+    pub fn torques_nm(&self, position_rad: &[f64], joint: usize) -> impl Iterator<Item = f64> {
+        let torque_nm = move |chain: &Chain| {
+            let mut torques_nm = [0.0; JOINTS_MAX];
+            chain.gravity_torque(position_rad, &mut torques_nm[..position_rad.len()]);
+            torques_nm[joint]
         };
-        let columns = self.unit_chains.iter().flat_map(|[mass, x, y, z]| {
-            let mass = torque_nm(mass);
-            let moment = |chain: &Chain| torque_nm(chain) - &mass;
-            [moment(x), moment(y), moment(z), mass]
-        });
-        (columns.collect(), torque_nm(&self.payloads))
+        self.unit_chains.iter().flat_map(move |[mass, x, y, z]| {
+            let mass_nm = torque_nm(mass);
+            let moment_nm = |chain: &Chain| torque_nm(chain) - mass_nm;
+            [moment_nm(x), moment_nm(y), moment_nm(z), mass_nm]
+        })
     }
 }
 

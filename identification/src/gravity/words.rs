@@ -11,11 +11,12 @@ use super::parameters::{PER_LINK, Parameters, QUANTITIES};
 use super::{Combination, Quantity, Term, UnseenDirection};
 use crate::Estimate;
 
-/// A pivot below this share of a row is rounding of the subspace.
-const LEAST_PIVOT: f64 = 1e-4;
+/// A parameter that makes up less than this share of a row does not lead a sum, for all others would then stand there
+/// with large factors; unless no other is left, down to what is rounding of the subspace.
+const LEAST_PIVOTS: [f64; 2] = [0.1, 1e-4];
 
 /// Terms below this share of the largest, in standard deviations of the file, are left out of the words.
-const LEAST_TERM: f64 = 1e-4;
+const LEAST_TERM: f64 = 1e-2;
 
 /// The determined sums with their values in the file and from the data. All rows are in units of the file's tolerance.
 pub(super) fn combinations(
@@ -84,17 +85,23 @@ pub(super) fn unseen_directions(
 /// Reduced row echelon form with the columns taken in this order: pivots with their rows.
 fn reduced(mut rows: DMatrix<f64>, order: &[usize]) -> Vec<(usize, DVector<f64>)> {
     let mut pivots = Vec::new();
-    for column in order {
+    let tried = LEAST_PIVOTS
+        .into_iter()
+        .flat_map(|least| order.iter().map(move |column| (least, column)));
+    for (least_pivot, column) in tried {
         let done = pivots.len();
         if done == rows.nrows() {
             break;
+        }
+        if pivots.contains(column) {
+            continue;
         }
         let best = (done..rows.nrows()).max_by(|a, b| {
             rows[(*a, *column)]
                 .abs()
                 .total_cmp(&rows[(*b, *column)].abs())
         });
-        let Some(best) = best.filter(|row| rows[(*row, *column)].abs() > LEAST_PIVOT) else {
+        let Some(best) = best.filter(|row| rows[(*row, *column)].abs() > least_pivot) else {
             continue;
         };
         rows.swap_rows(done, best);

@@ -10,8 +10,8 @@ use super::series::{self, AngleSeries, ROWS_MIN, rows_per_revolution};
 use super::spectrum::Spectrum;
 use super::{Harmonic, SpectralLine};
 use crate::IdentificationError;
-use crate::friction::span::{FrictionRow, Span, SteadyMotion, same_speed};
 use crate::statistics::root_mean_square;
+use crate::steady_motion::constant::{FrictionRow, Span, SteadyMotion, same_speed};
 
 /// Position-dependent friction of one joint.
 #[derive(Clone, Debug, PartialEq, Serialize)]

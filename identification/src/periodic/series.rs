@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use joint_model::friction::Direction;
 
-use crate::friction::span::FrictionRow;
+use crate::steady_motion::constant::FrictionRow;
 
 /// The most points per motor revolution: 13 for each of the 39 cycles that Table III reaches.
 const POINTS_MAX: usize = 512;

@@ -10,6 +10,8 @@ use crate::Estimate;
 pub struct StiffnessFit {
     /// The joint's name.
     pub joint: String,
+    /// Payloads that the sweeps were made with.
+    pub payloads_kg: Vec<f64>,
     /// Motion in the positive direction.
     pub positive: DirectionFit,
     /// Motion in the negative direction.
@@ -44,6 +46,8 @@ pub struct SweepSteps {
     pub gravity_nm: Vec<f64>,
     /// What remains: `T_c`, along the direction of motion (positive hinders it), as [`LoadTorqueTable`] has it.
     pub load_torque_nm: Vec<f64>,
+    /// Where an overrunning load has eased friction to its floor: not fitted.
+    pub on_floor: Vec<bool>,
 }
 
 /// `T_c` over `T_g`: continuous, piecewise linear, with as many regions as the data support.
@@ -63,6 +67,8 @@ pub struct LoadTorqueFit {
     pub residual_rms_nm: f64,
     /// Samples fitted.
     pub samples: usize,
+    /// Samples left out because friction was on its floor there.
+    pub samples_on_floor: usize,
     /// Over how many successive samples a residual persists; so many times fewer samples count in standard errors and
     /// information criteria.
     pub correlated_samples: f64,
@@ -92,6 +98,46 @@ pub struct Candidate {
 }
 
 impl StiffnessFit {
+    /// What a reader should know before trusting the table.
+    #[must_use]
+    pub fn findings(&self) -> Vec<String> {
+        let directions = [("positive", &self.positive), ("negative", &self.negative)];
+        let of_direction = |(name, fit): (&str, &DirectionFit)| {
+            let LoadTorqueFit { knees, .. } = &fit.law;
+            let mut findings: Vec<String> = knees
+                .iter()
+                .filter(|knee| knee.at_bound)
+                .map(|knee| {
+                    format!(
+                        "{name} direction: the knee at {:.2} Nm is on the edge of the data or of the other knee; the sweeps \
+                         do not show it",
+                        knee.gravity_nm.value
+                    )
+                })
+                .collect();
+            let moved = |payload_kg: &f64| fit.steps.iter().any(|s| s.payload_kg == *payload_kg);
+            for payload_kg in self
+                .payloads_kg
+                .iter()
+                .filter(|payload_kg| !moved(payload_kg))
+            {
+                findings.push(format!(
+                    "{name} direction: no slow and steady motion with {payload_kg} kg; too heavy for the drive?"
+                ));
+            }
+            if knees.len() < 2 {
+                findings.push(format!(
+                    "{name} direction: {} of Table V's 2 knees found between {:.1} and {:.1} Nm",
+                    knees.len(),
+                    fit.law.gravity_range_nm[0],
+                    fit.law.gravity_range_nm[1]
+                ));
+            }
+            findings
+        };
+        directions.into_iter().flat_map(of_direction).collect()
+    }
+
     /// The table for the robot file.
     pub fn table(&self) -> LoadTorqueTable {
         LoadTorqueTable {

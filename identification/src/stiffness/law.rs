@@ -28,8 +28,14 @@ pub(super) enum NoLaw {
 /// Fits one to three regions to all steps of one direction and keeps what the data support.
 pub(super) fn fit_law(steps: &[SweepSteps]) -> Result<LoadTorqueFit, NoLaw> {
     let gathered = |column: fn(&SweepSteps) -> &[f64]| -> Vec<f64> {
-        steps.iter().flat_map(column).copied().collect()
+        let above_floor = |steps| {
+            let values = column(steps).iter().zip(&steps.on_floor);
+            values.filter_map(|(value, on_floor)| (!on_floor).then_some(*value))
+        };
+        steps.iter().flat_map(above_floor).collect()
     };
+    let samples_on_floor = steps.iter().flat_map(|steps| &steps.on_floor);
+    let samples_on_floor = samples_on_floor.filter(|on_floor| **on_floor).count();
     let gravity_nm = gathered(|steps| &steps.gravity_nm);
     let torque_nm = gathered(|steps| &steps.load_torque_nm);
     let mean_nm = torque_nm.iter().sum::<f64>() / torque_nm.len().max(1) as f64;
@@ -50,7 +56,10 @@ pub(super) fn fit_law(steps: &[SweepSteps]) -> Result<LoadTorqueFit, NoLaw> {
     };
     let finest = fits.last().map_or(about_mean, residual);
     check_range(&samples, &finest)?;
-    choose(&samples, &fits, correlated_samples(&finest))
+    Ok(LoadTorqueFit {
+        samples_on_floor,
+        ..choose(&samples, &fits, correlated_samples(&finest))?
+    })
 }
 
 /// Range of evenly spread gravity torques over which a line through this scatter has the widest slope error allowed:
@@ -127,6 +136,7 @@ fn law(samples: &Samples, fit: &HingeFit, correlated: f64) -> LoadTorqueFit {
         gravity_range_nm,
         residual_rms_nm: (fit.squares / count).sqrt(),
         samples: samples.count(),
+        samples_on_floor: 0,
         correlated_samples: correlated,
         candidates: Vec::new(),
     }

@@ -10,8 +10,9 @@
 //! Friction and gravity come from the robot file, so they are to be identified first. Left out: rows at rest, within
 //! 0.01 rad after a reversal, faster than 0.2 rad/s, or accelerating.
 //!
-//! Friction cannot fall below zero: where an overrunning load has taken all of it away, `T_c` stays at minus the
-//! unloaded friction, and the fit sees that as a region of slope zero.
+//! Friction cannot fall below zero: rows in which an overrunning load has taken nearly all of it away are left out, for
+//! there `T_c` only says how much there was. Kept, they would bend the outermost region towards slope zero, and more so
+//! the heavier the payload.
 
 mod fit;
 mod hinges;
@@ -22,70 +23,17 @@ pub use fit::{Candidate, DirectionFit, Knee, LoadTorqueFit, StiffnessFit, SweepS
 
 use joint_model::friction::Direction;
 use joint_model::rigid_body::Chain;
-use nalgebra::Vector3;
-use recording::{Recording, Signal};
+use recording::Signal;
 use robot::Robot;
 
 use crate::IdentificationError;
-use crate::loaded_arm::{PointMass, base_gravity_m_s2, gravity_chain, known_payloads};
-use crate::slow_motion::{Run, check_sign, no_slow_motion, runs};
+use crate::loaded_arm::{Sweep, loaded_chain};
+use crate::steady_motion::joint_index;
+use crate::steady_motion::slow::{
+    Run, check_sign, fastest_rad_s, no_slow_motion, position_signal, runs,
+};
 use law::{NoLaw, fit_law};
 use steps::{UnloadedFriction, subtract};
-
-/// What hangs at the flange.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Payload {
-    /// Its mass; zero for the bare arm.
-    pub mass_kg: f64,
-    /// Its centre in the last link's frame, as the effect `payload` has it.
-    pub centre_m: [f64; 3],
-}
-
-/// One recording of slow sweeps of a joint, and what hung at the flange.
-#[derive(Clone, Copy, Debug)]
-pub struct Sweep<'a> {
-    /// The recording; the other joints may stand or move slowly too.
-    pub recording: &'a Recording,
-    /// The payload it was made with.
-    pub payload: Payload,
-}
-
-/// Metadata of a recording: mass of the payload in kg.
-pub const PAYLOAD_KEY: &str = "payload_kg";
-
-/// Metadata of a recording: centre of the payload in the last link's frame, in m, as `x, y, z`.
-pub const PAYLOAD_CENTRE_KEY: &str = "payload_centre_m";
-
-impl Payload {
-    /// What the recorder wrote: metadata [`PAYLOAD_KEY`] and, if that is not zero, [`PAYLOAD_CENTRE_KEY`].
-    ///
-    /// # Errors
-    /// [`IdentificationError::PayloadMissing`] if either is missing or no number.
-    pub fn of(recording: &Recording) -> Result<Self, IdentificationError> {
-        let numbers = |key: &'static str, count: usize| {
-            let text = recording.metadata.get(key);
-            let parsed: Option<Vec<f64>> = text.and_then(|text| {
-                let numbers = text.split(',').map(|part| part.trim().parse().ok());
-                numbers.collect()
-            });
-            parsed
-                .filter(|found| found.len() == count && found.iter().all(|x| x.is_finite()))
-                .ok_or_else(|| IdentificationError::PayloadMissing {
-                    key,
-                    found: text.cloned(),
-                })
-        };
-        let mass_kg = numbers(PAYLOAD_KEY, 1)?[0];
-        if mass_kg == 0.0 {
-            return Ok(Self::default());
-        }
-        let centre_m = numbers(PAYLOAD_CENTRE_KEY, 3)?;
-        Ok(Self {
-            mass_kg,
-            centre_m: [centre_m[0], centre_m[1], centre_m[2]],
-        })
-    }
-}
 
 /// Fits one joint's torque over gravity load.
 ///
@@ -98,16 +46,7 @@ pub fn fit_stiffness(
     robot: &Robot,
     joint: &str,
 ) -> Result<StiffnessFit, IdentificationError> {
-    let index = robot
-        .joint_index(joint)
-        .ok_or_else(|| IdentificationError::UnknownJoint {
-            joint: joint.to_owned(),
-            there: robot
-                .joints
-                .iter()
-                .map(|joint| joint.name.clone())
-                .collect(),
-        })?;
+    let index = joint_index(robot, joint)?;
     let loaded = sweeps
         .iter()
         .map(|sweep| Loaded::new(sweep, robot, index))
@@ -118,6 +57,7 @@ pub fn fit_stiffness(
     let fit = |direction, steps| fit_direction(joint, direction, steps);
     Ok(StiffnessFit {
         joint: joint.to_owned(),
+        payloads_kg: sweeps.iter().map(|sweep| sweep.payload.mass_kg).collect(),
         positive: fit(Direction::Positive, positive)?,
         negative: fit(Direction::Negative, negative)?,
     })
@@ -132,12 +72,7 @@ struct Loaded<'a> {
 
 impl<'a> Loaded<'a> {
     fn new(sweep: &'a Sweep, robot: &Robot, joint: usize) -> Result<Self, IdentificationError> {
-        let mut payloads = known_payloads(robot);
-        payloads.push(PointMass {
-            mass_kg: sweep.payload.mass_kg,
-            centre_m: Vector3::from(sweep.payload.centre_m),
-        });
-        let chain = gravity_chain(robot.chain.links(), base_gravity_m_s2(robot), &payloads)?;
+        let chain = loaded_chain(robot, &sweep.payload)?;
         Ok(Self {
             sweep,
             runs: runs(sweep.recording, robot, &[joint])?,
@@ -176,9 +111,13 @@ fn subtracted(
         .filter(|steps| !steps.position_rad.is_empty())
         .collect();
     if steps.is_empty() {
-        let recording = sweeps.first().map(|loaded| loaded.sweep.recording);
+        let name = &robot.joints[joint].name;
+        let signal = sweeps.first().map_or(Signal::MotorPositionRad, |loaded| {
+            position_signal(loaded.sweep.recording, name)
+        });
         let runs = sweeps.iter().flat_map(|loaded| &loaded.runs);
-        return Err(no_slow_motion(recording, runs, robot, joint, direction));
+        let fastest = (signal, fastest_rad_s(runs, joint));
+        return Err(no_slow_motion(name, fastest, direction));
     }
     Ok(steps)
 }

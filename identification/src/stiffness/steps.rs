@@ -8,7 +8,8 @@ use joint_model::rigid_body::Chain;
 use robot::Robot;
 
 use super::SweepSteps;
-use crate::slow_motion::Run;
+use crate::floor::is_above_floor;
+use crate::steady_motion::slow::Run;
 
 /// Travel over which one value is the mean: short beside the regions of Table V, which take some hundredths of a
 /// radian, and some rows long even at 1 rad/s.
@@ -57,6 +58,11 @@ impl UnloadedFriction {
     fn over_speed_nm(&self, velocity_rad_s: f64) -> f64 {
         self.over_speed.drag_nm(velocity_rad_s, 0.0, 0.0, 0.0).abs()
     }
+
+    /// Viscous and quadratic drag, along the motion.
+    fn fluid_nm(&self, velocity_rad_s: f64) -> f64 {
+        self.over_speed.fluid_drag_nm(velocity_rad_s).abs()
+    }
 }
 
 /// One row, or the sum of some.
@@ -67,6 +73,8 @@ struct Row {
     over_angle_nm: f64,
     over_speed_nm: f64,
     gravity_nm: f64,
+    /// The part of `over_speed_nm` that load does not ease.
+    fluid_nm: f64,
 }
 
 /// Adds to `steps` what a run says about the joint's motion in one direction. `chain` holds the payload.
@@ -102,6 +110,7 @@ pub(super) fn subtract(
             over_angle_nm: friction.over_angle_nm(direction, motion.motor_position_rad[row]),
             over_speed_nm: friction.over_speed_nm(motion.velocity_rad_s[row]),
             gravity_nm: gravity_nm[joint],
+            fluid_nm: friction.fluid_nm(motion.velocity_rad_s[row]),
         });
     }
     push_mean(steps, &mut held, direction);
@@ -117,13 +126,18 @@ fn push_mean(steps: &mut SweepSteps, held: &mut Vec<Row>, direction: Direction) 
         mean(|row| row.total_nm),
         mean(|row| row.gravity_nm),
     );
+    let (over_speed_nm, fluid_nm) = (mean(|row| row.over_speed_nm), mean(|row| row.fluid_nm));
+    let level_nm = sign * (total_nm - gravity_nm) - fluid_nm;
     let without_position_nm = total_nm - sign * mean(|row| row.over_angle_nm);
-    let without_friction_nm = without_position_nm - sign * mean(|row| row.over_speed_nm);
+    let without_friction_nm = without_position_nm - sign * over_speed_nm;
     steps.position_rad.push(mean(|row| row.position_rad));
     steps.total_nm.push(total_nm);
     steps.without_position_friction_nm.push(without_position_nm);
     steps.without_friction_nm.push(without_friction_nm);
     steps.gravity_nm.push(gravity_nm);
+    steps
+        .on_floor
+        .push(!is_above_floor(level_nm, over_speed_nm - fluid_nm));
     steps
         .load_torque_nm
         .push(sign * (without_friction_nm - gravity_nm));

@@ -5,51 +5,49 @@ use report::{Cell, Column, Section, Table, number};
 
 use super::{JointResult, SIGNS, without};
 
-/// Root mean square error at trials left out of the friction fit, as a share of the mean friction.
+/// Root mean square error at motion that was never fitted, as a share of the mean friction.
 pub fn held_out_share(joint: &JointResult) -> Option<f64> {
-    let friction = joint.friction.as_ref()?;
-    let rms_nm = friction.model(friction.robot_model())?.held_out_rms_nm?;
-    Some(rms_nm / mean_friction_nm(joint)?)
-}
-
-fn mean_friction_nm(joint: &JointResult) -> Option<f64> {
-    let measurements = &joint.friction.as_ref()?.measurements;
-    let sum_nm: f64 = measurements
-        .iter()
-        .map(|measurement| measurement.level_nm())
-        .sum();
-    (!measurements.is_empty()).then(|| sum_nm / measurements.len() as f64)
+    Some(joint.held_out.as_ref()?.identified.share)
 }
 
 /// Errors on data that were left out of the fits.
 pub fn held_out(joints: &[JointResult], gravity: Option<&GravityFit>) -> Section {
-    let section = Section::new("held-out", "Held-out errors");
+    let section = Section::new("held-out", "Held-out errors").paragraph(
+        "Motion at speeds between those of the friction experiments is recorded and never fitted; the torque it takes is \
+         predicted from gravity and all friction of the robot file. Trials and poses left out of a fit and predicted \
+         by the rest say whether that fit repeats itself.",
+    );
     let section = without(
         section,
         joints,
-        |j| j.friction.is_some(),
-        "Held-out friction error",
-        "friction",
+        |j| j.held_out.is_some(),
+        "The error on motion never fitted",
+        "all",
     );
     let mut table = Table::new(
-        "Errors on data left out of the fit, root mean square",
+        "Errors on data left out of the fits, root mean square",
         [
             Column::text("joint"),
             Column::number("mean friction, Nm"),
-            Column::number("friction, trials left out, Nm"),
+            Column::number("motion never fitted, Nm"),
             Column::number("% of friction"),
+            Column::number("by the file before, Nm"),
+            Column::number("friction, trials left out, Nm"),
             Column::number("gravity, poses left out, Nm"),
         ],
     );
     for joint in joints {
         let friction = joint.friction.as_ref();
-        let rms_nm = friction.and_then(|fit| fit.model(fit.robot_model())?.held_out_rms_nm);
+        let trials_nm = friction.and_then(|fit| fit.model(fit.robot_model())?.held_out_rms_nm);
         let of_gravity = gravity.and_then(|fit| fit.joints.iter().find(|g| g.joint == joint.joint));
+        let motion = joint.held_out.as_ref();
         table.row([
             joint.joint.as_str().into(),
-            optional(mean_friction_nm(joint)),
-            optional(rms_nm),
+            optional(motion.map(|error| error.identified.mean_friction_nm)),
+            optional(motion.map(|error| error.identified.rms_nm)),
             optional(held_out_share(joint).map(|share| 100.0 * share)),
+            optional(motion.map(|error| error.file.rms_nm)),
+            optional(trials_nm),
             optional(of_gravity.map(|fit| fit.held_out_rms_nm)),
         ]);
     }

@@ -8,7 +8,9 @@ use identification::gravity::{Combination, FittedLink, GravityFit, JointGravity,
 use identification::periodic::{DirectionAnalysis, Harmonic, PeriodicAnalysis, SpectralLine};
 use identification::stiffness::{DirectionFit, Knee, LoadTorqueFit, StiffnessFit, SweepSteps};
 
+use super::super::HeldOut;
 use super::*;
+use identification::held_out::HeldOutError;
 
 const REASON: &str = "joint `joint4`: gravity torque varies too little <here>";
 
@@ -94,6 +96,7 @@ fn load(joint: &str) -> StiffnessFit {
         without_friction_nm: gravity_nm.clone(),
         gravity_nm: gravity_nm.clone(),
         load_torque_nm: gravity_nm.iter().map(|nm| 0.2 * nm).collect(),
+        on_floor: vec![false; gravity_nm.len()],
     };
     let knee = |nm: f64| Knee {
         gravity_nm: estimate(nm),
@@ -107,6 +110,7 @@ fn load(joint: &str) -> StiffnessFit {
         gravity_range_nm: [-20.0, 20.0],
         residual_rms_nm: 0.1,
         samples: 903,
+        samples_on_floor: 0,
         correlated_samples: 3.0,
         candidates: Vec::new(),
     };
@@ -116,6 +120,7 @@ fn load(joint: &str) -> StiffnessFit {
     };
     StiffnessFit {
         joint: joint.to_owned(),
+        payloads_kg: vec![0.0, 2.3, 4.5],
         positive: direction(&[0.0, 2.3]),
         negative: direction(&[0.0]),
     }
@@ -161,7 +166,7 @@ fn gravity(joint: &str) -> GravityFit {
     }
 }
 
-fn html(robot: &str, joints: Vec<JointResult>, gravity: Option<&GravityFit>) -> String {
+fn html(robot: &str, joints: Vec<JointResult>, gravity: Option<GravityFit>) -> String {
     let robot = robot::load(robot).expect("shipped");
     let identified = Identified {
         schema: 1,
@@ -169,8 +174,21 @@ fn html(robot: &str, joints: Vec<JointResult>, gravity: Option<&GravityFit>) -> 
         seed: 1,
         robot_file: "identified.toml".into(),
         joints,
+        gravity,
+        findings: Vec::new(),
     };
-    page(&identified, &robot, gravity).to_html()
+    page(&identified, &robot).to_html()
+}
+
+fn held_out(joint: &str, rms_nm: f64) -> HeldOutError {
+    HeldOutError {
+        joint: joint.to_owned(),
+        rms_nm,
+        mean_friction_nm: 30.0,
+        share: rms_nm / 30.0,
+        rows: 1000,
+        speeds: Vec::new(),
+    }
 }
 
 fn everything() -> JointResult {
@@ -179,6 +197,10 @@ fn everything() -> JointResult {
         friction: Some(friction("joint4")),
         periodic: Some(periodic("joint4")),
         stiffness: Some(load("joint4")),
+        held_out: Some(HeldOut {
+            file: held_out("joint4", 3.0),
+            identified: held_out("joint4", 0.75),
+        }),
         findings: Vec::new(),
     }
 }
@@ -188,6 +210,7 @@ fn nothing() -> JointResult {
         friction: None,
         periodic: None,
         stiffness: None,
+        held_out: None,
         findings: vec![REASON.to_owned()],
         ..everything()
     }
@@ -205,7 +228,7 @@ const SECTIONS: [&str; 7] = [
 
 #[test]
 fn every_table_and_figure_of_the_papers_has_its_place() {
-    let html = html("pa10", vec![everything()], Some(&gravity("joint4")));
+    let html = html("pa10", vec![everything()], Some(gravity("joint4")));
     for id in SECTIONS.iter().chain(&["elbow"]) {
         assert!(html.contains(&format!(r#"<section id="{id}">"#)), "{id}");
     }
@@ -291,7 +314,7 @@ fn the_page_opens_anywhere_and_is_the_same_each_time() {
         html(
             "pa10",
             vec![everything(), nothing()],
-            Some(&gravity("joint4")),
+            Some(gravity("joint4")),
         )
     };
     let page = make();

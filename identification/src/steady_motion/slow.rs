@@ -7,6 +7,7 @@ use joint_model::friction::Direction;
 use recording::{Recording, Signal};
 use robot::Robot;
 
+use super::check_measured;
 use crate::IdentificationError;
 use crate::statistics::root_mean_square;
 
@@ -80,36 +81,41 @@ pub(crate) fn runs(
     Ok(runs.collect())
 }
 
-/// Why a joint has no slow motion in a direction: it never moved at all, or only otherwise. The signal is the position
-/// that the first recording has.
-pub(crate) fn no_slow_motion<'a>(
-    recording: Option<&Recording>,
-    runs: impl Iterator<Item = &'a Run>,
-    robot: &Robot,
-    joint: usize,
-    direction: Direction,
-) -> IdentificationError {
-    let speeds = runs.flat_map(|run| &run.joints[joint].velocity_rad_s);
-    let most_rad_s = speeds.fold(0.0, |most: f64, velocity| most.max(velocity.abs()));
-    let name = robot.joints[joint].name.clone();
-    let has_link = |recording: &Recording| {
-        let columns = recording.joint(&name);
-        columns.is_ok_and(|joint| joint.signals.contains_key(&Signal::LinkPositionRad))
-    };
-    let signal = if recording.is_some_and(has_link) {
+/// The position signal that tells where a joint is: the link encoder's if there is one.
+pub(crate) fn position_signal(recording: &Recording, joint: &str) -> Signal {
+    let has_link = recording
+        .joint(joint)
+        .is_ok_and(|columns| columns.signals.contains_key(&Signal::LinkPositionRad));
+    if has_link {
         Signal::LinkPositionRad
     } else {
         Signal::MotorPositionRad
-    };
+    }
+}
+
+/// How fast a joint moved at most.
+pub(crate) fn fastest_rad_s<'a>(runs: impl IntoIterator<Item = &'a Run>, joint: usize) -> f64 {
+    let runs = runs.into_iter();
+    let speeds = runs.flat_map(|run| &run.joints[joint].velocity_rad_s);
+    speeds.fold(0.0, |most: f64, velocity| most.max(velocity.abs()))
+}
+
+/// Why a joint has no slow motion in a direction: it never moved at all, or only otherwise.
+pub(crate) fn no_slow_motion(
+    joint: &str,
+    (signal, most_rad_s): (Signal, f64),
+    direction: Direction,
+) -> IdentificationError {
+    let joint = joint.to_owned();
     if most_rad_s < SLOWEST_RAD_S {
         return IdentificationError::NeverMoved {
-            joint: name,
+            joint,
             signal,
             most_rad_s,
         };
     }
     IdentificationError::NoSlowMotion {
-        joint: name,
+        joint,
         signal,
         direction,
     }
@@ -199,17 +205,8 @@ fn measured_signal<'a>(
     signal: Signal,
 ) -> Result<&'a [f64], IdentificationError> {
     let values = recording.signal(joint, signal)?;
-    let missing = values.iter().filter(|value| !value.is_finite()).count();
-    if 2 * missing <= values.len() {
-        return Ok(values);
-    }
-    Err(IdentificationError::NotMeasured {
-        joint: joint.to_owned(),
-        signal,
-        missing,
-        rows: values.len(),
-        from_s: recording.time_s.first().copied().unwrap_or(f64::NAN),
-    })
+    check_measured(joint, signal, values, 0..values.len(), &recording.time_s)?;
+    Ok(values)
 }
 
 /// Nothing where the rows span less than the windows of a velocity and its change.

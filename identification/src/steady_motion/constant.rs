@@ -5,8 +5,9 @@ use std::ops::Range;
 
 use joint_model::JOINTS_MAX;
 use recording::{Recording, Signal};
-use robot::Robot;
+use robot::{Robot, RobotJoint};
 
+use super::{check_measured, joint_index};
 use crate::IdentificationError;
 
 /// How far a reference may vary and still count as constant, relative to itself: rounding in a log of four digits.
@@ -71,12 +72,7 @@ impl<'a> SteadyMotion<'a> {
         joint: &str,
         settling_s: f64,
     ) -> Result<Self, IdentificationError> {
-        let index = robot
-            .joint_index(joint)
-            .ok_or_else(|| IdentificationError::UnknownJoint {
-                joint: joint.to_owned(),
-                there: robot.joints.iter().map(|j| j.name.clone()).collect(),
-            })?;
+        let index = joint_index(robot, joint)?;
         let mut spans = Vec::new();
         for (number, recording) in recordings.iter().enumerate() {
             let reference_rad_s = recording.signal(joint, Signal::ReferenceVelocityRadS)?;
@@ -104,7 +100,12 @@ impl<'a> SteadyMotion<'a> {
     }
 
     pub fn gear_ratio(&self) -> f64 {
-        self.robot.joints[self.index].gear_ratio
+        self.drive().gear_ratio
+    }
+
+    /// What the robot file says about the joint.
+    pub fn drive(&self) -> &'a RobotJoint {
+        &self.robot.joints[self.index]
     }
 
     /// Friction in the rows of a span. Rows without a value are left out, up to half of them.
@@ -122,7 +123,7 @@ impl<'a> SteadyMotion<'a> {
         let position_of = position_of
             .map(|(joint, values)| (joint.name.as_str(), Signal::MotorPositionRad, *values));
         for (joint, signal, values) in [torque_of].into_iter().chain(position_of) {
-            check_measured(joint, signal, values, span, &recording.time_s)?;
+            check_measured(joint, signal, values, span.rows.clone(), &recording.time_s)?;
         }
         let row = |row: usize| self.friction_row(recording.time_s[row], row, torque_nm, &positions);
         Ok(span.rows.clone().filter_map(row).collect())
@@ -298,28 +299,6 @@ fn travel(time_s: &[f64], position_rad: &[f64], span: &Span) -> Option<(f64, f64
     let last = span.rows.clone().rev().find(measured)?;
     let duration_s = time_s[last] - time_s[first];
     (duration_s > 0.0).then(|| (duration_s, position_rad[last] - position_rad[first]))
-}
-
-fn check_measured(
-    joint: &str,
-    signal: Signal,
-    values: &[f64],
-    span: &Span,
-    time_s: &[f64],
-) -> Result<(), IdentificationError> {
-    let measured = |row: &usize| values.get(*row).is_some_and(|value| value.is_finite());
-    let rows = span.rows.len();
-    let missing = rows - span.rows.clone().filter(measured).count();
-    if 2 * missing <= rows {
-        return Ok(());
-    }
-    Err(IdentificationError::NotMeasured {
-        joint: joint.to_owned(),
-        signal,
-        missing,
-        rows,
-        from_s: time_s[span.rows.start],
-    })
 }
 
 /// The rows cut to whole motor revolutions, and how many; all rows and zero where there is less than one.
