@@ -3,7 +3,9 @@
 mod cli;
 mod error;
 mod identify;
+mod output;
 mod process;
+mod reproduce;
 mod run;
 mod supervisor;
 
@@ -27,6 +29,7 @@ fn main() -> ExitCode {
     let outcome = match cli.command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Identify(arguments) => identify::identify(&arguments),
+        Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
         Command::Process(arguments) => process::run(&arguments),
     };
     match outcome {

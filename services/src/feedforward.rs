@@ -46,6 +46,17 @@ pub struct Feedforward {
     rigid_nm: PerJoint,
 }
 
+/// Parts of the torque that a model feeds forward to one joint, joint side; inertia is the rest.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TorqueParts {
+    /// `T_g`.
+    pub gravity_nm: f64,
+    /// `T_cf + T_vf`, as the unloaded gear has it.
+    pub friction_nm: f64,
+    /// `T_c`: what load adds to friction or takes from it.
+    pub stiffness_nm: f64,
+}
+
 #[derive(Clone, Copy, Debug)]
 struct Gains {
     proportional_nm_rad: f64,
@@ -256,13 +267,31 @@ impl Feedforward {
             return rigid_nm;
         }
         let load_nm = self.load_nm(joint, sample);
-        let friction_nm = self.friction[joint].drag_nm(&FrictionPoint {
+        rigid_nm + self.friction_nm(joint, load_nm, sample) + self.correction.torque_nm(joint)
+    }
+
+    fn friction_nm(&self, joint: usize, load_nm: f64, sample: &SensorSample) -> f64 {
+        self.friction[joint].drag_nm(&FrictionPoint {
             desired_velocity_rad_s: self.reference.velocity_rad_s[joint],
             measured_velocity_rad_s: self.observed_rad_s[joint],
             motor_position_rad: sample.readings.motor_position_rad[joint],
             load_nm,
-        });
-        rigid_nm + friction_nm + self.correction.torque_nm(joint)
+        })
+    }
+
+    /// What the model's torque in the command that answered `sample` was made of, as PA10-05, Fig. 9 draws it; `T_c` at
+    /// the model's load.
+    pub fn torque_parts(&self, joint: usize, sample: &SensorSample) -> TorqueParts {
+        if self.model == ModelPart::None {
+            return TorqueParts::default();
+        }
+        let gravity_nm = self.gravity_nm[joint];
+        let unloaded_nm = self.friction_nm(joint, 0.0, sample);
+        TorqueParts {
+            gravity_nm,
+            friction_nm: unloaded_nm,
+            stiffness_nm: self.friction_nm(joint, gravity_nm, sample) - unloaded_nm,
+        }
     }
 
     /// The torque the gear transmits to the link: gravity, as in the paper, or what the torsion shows.

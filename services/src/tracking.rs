@@ -13,13 +13,15 @@ pub const TRACKING_REPORT_FILE: &str = "tracking-report.json";
 /// Rows this long after the first moving one count as after the start (PA10-05 tells the two apart).
 const START_S: f64 = 2.0;
 
-/// Mean, root mean square and maximum of an error.
+/// Means and maxima of an error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ErrorSummary {
     /// Rows counted.
     pub count: u64,
     /// Mean with its sign; of a distance, the mean distance.
     pub mean: f64,
+    /// Mean magnitude.
+    pub mean_magnitude: f64,
     /// Root mean square.
     pub rms: f64,
     /// Largest magnitude.
@@ -33,6 +35,7 @@ pub struct ErrorSummary {
 struct ErrorSum {
     count: u64,
     sum: f64,
+    magnitude_sum: f64,
     square_sum: f64,
     max: f64,
     max_after_start: f64,
@@ -45,6 +48,7 @@ impl ErrorSum {
         }
         self.count += 1;
         self.sum += error;
+        self.magnitude_sum += error.abs();
         self.square_sum += error * error;
         self.max = self.max.max(error.abs());
         if after_start {
@@ -57,6 +61,7 @@ impl ErrorSum {
         (self.count > 0).then(|| ErrorSummary {
             count: self.count,
             mean: self.sum / count,
+            mean_magnitude: self.magnitude_sum / count,
             rms: (self.square_sum / count).sqrt(),
             max: self.max,
             max_after_start: self.max_after_start,
@@ -250,10 +255,11 @@ mod tests {
             (
                 summary.count,
                 summary.mean,
+                summary.mean_magnitude,
                 summary.max,
                 summary.max_after_start
             ),
-            (3, 0.0, 3.0, 2.0)
+            (3, 0.0, 2.0, 3.0, 2.0)
         );
         assert!((summary.rms - (14.0_f64 / 3.0).sqrt()).abs() < 1e-12);
     }

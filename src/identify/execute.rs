@@ -19,12 +19,12 @@ use shm_types::control_options::ControlOptions;
 use shm_types::instance::{ControlMode, Mode, RunConfig, Wait};
 use twin::Robots;
 
-use super::cannot_write;
 use crate::cli::{
     ControlArgument, FrictionVelocityArgument, IdentifyArguments, ModeArgument, RunArguments,
     StiffnessTorqueArgument, WaitArgument,
 };
 use crate::error::CliError;
+use crate::output::{cannot_write, write_whole};
 use crate::run;
 
 /// Cycles between two looks at Ctrl-C and the progress bar.
@@ -155,7 +155,7 @@ impl<'a> Rig<'a> {
     fn write_trajectory(&self, experiment: &Experiment) -> Result<PathBuf, CliError> {
         let path = self.trajectory_path(experiment);
         let text = toml::to_string(&experiment.trajectory).map_err(CliError::input)?;
-        fs::write(&path, text).map_err(|error| cannot_write(&path, &error))?;
+        write_whole(&path, &text)?;
         Ok(path)
     }
 
@@ -328,7 +328,7 @@ impl<'a> Rig<'a> {
         let text = format!(
             "[[effect]]\neffect = \"payload\"\nmass_kg = {mass_kg:?}\ncentre_m = {centre_m:?}\n"
         );
-        fs::write(&path, text).map_err(|error| cannot_write(&path, &error))?;
+        write_whole(&path, &text)?;
         Ok(Some(path))
     }
 }

@@ -21,11 +21,12 @@ use serde::Serialize;
 
 use crate::cli::IdentifyArguments;
 use crate::error::CliError;
+use crate::output::{write_json, write_whole};
 use execute::Rig;
 use fits::Fits;
 
 /// The robot file with what was identified.
-const ROBOT_FILE: &str = "identified.toml";
+pub const ROBOT_FILE: &str = "identified.toml";
 /// The same for people.
 const REPORT_FILE: &str = "report.html";
 
@@ -101,14 +102,16 @@ fn report(
     write_json(&identified, &json_path)?;
     let report_path = arguments.out.join(REPORT_FILE);
     write_report(&identified, robot, &report_path)?;
-    if arguments.json.as_deref() == Some(Path::new("-")) {
-        return print_json(&identified);
-    }
     if let Some(path) = &arguments.json {
         write_json(&identified, path)?;
     }
-    print!("{}", table::text(&identified, robot));
-    println!("report: {}", report_path.display());
+    if arguments.json.as_deref() == Some(Path::new("-")) {
+        return Ok(());
+    }
+    if !arguments.quiet {
+        print!("{}", table::text(&identified, robot));
+        println!("report: {}", report_path.display());
+    }
     Ok(())
 }
 
@@ -166,28 +169,10 @@ fn experiments(
 
 fn write_robot(file: &RobotFile, path: &Path) -> Result<(), CliError> {
     let text = toml::to_string(file).map_err(CliError::input)?;
-    std::fs::write(path, text).map_err(|error| cannot_write(path, &error))
+    write_whole(path, &text)
 }
 
 fn write_report(identified: &Identified, robot: &Robot, path: &Path) -> Result<(), CliError> {
     let html = report::page(identified, robot).to_html();
-    std::fs::write(path, html).map_err(|error| cannot_write(path, &error))
-}
-
-fn write_json(identified: &Identified, path: &Path) -> Result<(), CliError> {
-    let text = serde_json::to_string_pretty(identified).map_err(CliError::input)?;
-    std::fs::write(path, text + "\n").map_err(|error| cannot_write(path, &error))
-}
-
-fn print_json(identified: &Identified) -> Result<(), CliError> {
-    let text = serde_json::to_string_pretty(identified).map_err(CliError::input)?;
-    println!("{text}");
-    Ok(())
-}
-
-fn cannot_write(path: &Path, error: &std::io::Error) -> CliError {
-    CliError::Input(format!(
-        "cannot write {}: {error}; choose a place with --out or --json",
-        path.display()
-    ))
+    write_whole(path, &html)
 }

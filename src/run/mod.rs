@@ -22,6 +22,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::cli::RunArguments;
 use crate::error::CliError;
+use crate::output::write_json;
 use crate::supervisor::{Supervisor, SupervisorError, WATCH_INTERVAL};
 use progress::Progress;
 use report::RunReport;
@@ -44,7 +45,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), CliError> {
         println!("{report}");
     }
     if let Some(path) = &arguments.json {
-        report.write_json(path)?;
+        write_json(&report, path)?;
     }
     ended?;
     report.verdict()

@@ -1,9 +1,7 @@
 //! What a run came to: tables for people, JSON for programs.
 
 use std::fmt;
-use std::fs;
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use comfy_table::{CellAlignment, Table, presets};
 use rt_loop::report::{LoopReport, Quantiles};
@@ -11,7 +9,6 @@ use serde::Serialize;
 use services::tracking::{ErrorSummary, TrackingReport};
 use shm_types::instance::Mode;
 
-use crate::error::CliError;
 use crate::supervisor::child::Restart;
 
 /// Everything known about a finished run.
@@ -35,24 +32,6 @@ pub struct RunReport {
     pub tracking: Option<TrackingReport>,
     /// Services that ended and were started again.
     pub restarts: Vec<Restart>,
-}
-
-impl RunReport {
-    /// Writes the report as JSON; `-` is standard output.
-    ///
-    /// # Errors
-    /// [`CliError::Input`] if the file cannot be written.
-    pub fn write_json(&self, path: &Path) -> Result<(), CliError> {
-        let text = serde_json::to_string_pretty(self).map_err(CliError::input)?;
-        let written = if path == Path::new("-") {
-            writeln!(std::io::stdout(), "{text}")
-        } else {
-            fs::write(path, text + "\n")
-        };
-        written.map_err(|error| {
-            CliError::Input(format!("cannot write --json {}: {error}", path.display()))
-        })
-    }
 }
 
 impl fmt::Display for RunReport {

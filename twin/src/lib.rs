@@ -137,7 +137,9 @@ pub fn simulate(
         if state.state == LoopState::SafeStop {
             return Err(TwinError::SafeStop {
                 time_s: planned_ns as f64 * 1e-9,
-                fault: state.fault.map_or("unknown".to_owned(), describe),
+                fault: state
+                    .fault
+                    .map_or("unknown".to_owned(), |fault| describe(fault, robot)),
             });
         }
         drives.advance();
@@ -200,6 +202,13 @@ fn brake(run: &RunConfig, joint_count: usize) -> DriveCommand {
     }
 }
 
-fn describe(fault: Fault) -> String {
-    format!("{fault:?}")
+fn describe(fault: Fault, robot: &Robot) -> String {
+    let joint = |index: u32| robot.joints.get(index as usize);
+    match fault {
+        Fault::Runaway { joint: index } => {
+            let name = joint(index).map_or("a joint", |joint| &joint.name);
+            format!("{name} far outside its limits")
+        }
+        other => format!("{other:?}"),
+    }
 }
