@@ -2,13 +2,12 @@
 
 use std::f64::consts::TAU;
 
-use joint_model::JOINTS_MAX;
-use motion::{JointEntry, Reference, TrajectoryFile, TrajectoryKind, TrapezoidEntry};
+use motion::{HoldEntry, JointEntry, TrajectoryFile, TrajectoryKind, TrapezoidEntry};
 use robot::{Robot, RobotJoint};
 
 use crate::Payload;
 use crate::friction::SETTLING_S;
-use crate::loaded_arm::loaded_chain;
+use crate::sweep_pose::SweepPose;
 
 /// The speeds of one of the papers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,11 +50,6 @@ const SWEEP_RAD: f64 = std::f64::consts::FRAC_PI_2;
 const SWEEP_SPEED_RAD_S: f64 = 0.05;
 /// Distance that a sweep keeps from the joint's limits.
 const LIMIT_MARGIN_RAD: f64 = 0.05;
-/// Share of its torque limit that a drive is asked for at most: the arm is not quite as its file says, and what is left moves
-/// it.
-const TORQUE_SHARE: f64 = 0.85;
-/// Angles tried to either side for how far a payload can be lifted.
-const STEPS: u32 = 90;
 /// Centre of a payload beyond the flange, along the last joint's axis.
 const PAYLOAD_CENTRE_M: [f64; 3] = [0.0, 0.0, 0.05];
 
@@ -135,6 +129,7 @@ fn possible(joint: &RobotJoint, speeds_rad_s: &[f64]) -> impl Iterator<Item = f6
 }
 
 /// A slow sweep there and back with each of [`PAYLOADS_KG`], as far as the drive can lift it by what the robot file knows.
+/// Other joints bend where gravity would not load this one otherwise.
 #[must_use]
 pub fn stiffness_experiments(robot: &Robot, joint: &RobotJoint) -> Vec<Experiment> {
     let [low_rad, high_rad] = joint
@@ -144,63 +139,38 @@ pub fn stiffness_experiments(robot: &Robot, joint: &RobotJoint) -> Vec<Experimen
         (low_rad + LIMIT_MARGIN_RAD).max(-SWEEP_RAD),
         (high_rad - LIMIT_MARGIN_RAD).min(SWEEP_RAD),
     ];
-    PAYLOADS_KG
-        .iter()
-        .map(|&mass_kg| {
-            let name = format!("stiffness-{}-{mass_kg:.1}kg", joint.name);
-            let payload = Payload {
-                mass_kg,
-                centre_m: PAYLOAD_CENTRE_M,
-            };
-            let [start_rad, end_rad] =
-                liftable_rad(robot, joint, &payload, widest_rad).unwrap_or(widest_rad);
+    let payloads = PAYLOADS_KG.map(|mass_kg| Payload {
+        mass_kg,
+        centre_m: PAYLOAD_CENTRE_M,
+    });
+    let pose = SweepPose::new(robot, joint, widest_rad, &payloads[payloads.len() - 1]);
+    payloads
+        .into_iter()
+        .map(|payload| {
+            let name = format!("stiffness-{}-{:.1}kg", joint.name, payload.mass_kg);
+            let liftable_rad = pose
+                .as_ref()
+                .and_then(|pose| pose.liftable_rad(&payload, widest_rad, SWEEP_SPEED_RAD_S));
+            let [start_rad, end_rad] = liftable_rad.unwrap_or(widest_rad);
             let sweep = Move {
                 start_rad: Some(start_rad),
                 distance_rad: end_rad - start_rad,
                 speed_rad_s: SWEEP_SPEED_RAD_S,
             };
-            sweep.experiment(name, joint, 1, payload)
+            let mut experiment = sweep.experiment(name, joint, 1, payload);
+            let bent = pose.iter().flat_map(SweepPose::bent);
+            experiment
+                .trajectory
+                .joints
+                .extend(bent.map(|(name, position_rad)| {
+                    JointEntry::Hold(HoldEntry {
+                        name: name.to_owned(),
+                        position_rad: Some(position_rad),
+                    })
+                }));
+            experiment
         })
         .collect()
-}
-
-/// The part of a range, about where the joint waits, in which the drive has torque to spare for gravity and friction in both
-/// directions. None where the file knows no torque limit, or knows it to be too small even there.
-fn liftable_rad(
-    robot: &Robot,
-    joint: &RobotJoint,
-    payload: &Payload,
-    [low_rad, high_rad]: [f64; 2],
-) -> Option<[f64; 2]> {
-    let index = robot.joint_index(&joint.name)?;
-    let limit_nm = TORQUE_SHARE * joint.torque_limit_nm? * joint.gear_ratio.abs();
-    let chain = loaded_chain(robot, payload).ok()?;
-    let friction = joint.steady_friction();
-    let waiting = TrajectoryFile {
-        kind: TrajectoryKind::Hold,
-        ..TrajectoryFile::default()
-    };
-    let mut pose = Reference::default();
-    waiting.build("hold", robot).ok()?.sample(0.0, &mut pose);
-    let home_rad = pose.position_rad[index];
-    let needed_nm = |angle_rad: f64| {
-        let mut position_rad = pose.position_rad;
-        position_rad[index] = angle_rad;
-        let (count, mut gravity_nm) = (robot.joints.len(), [0.0; JOINTS_MAX]);
-        chain.gravity_torque(&position_rad[..count], &mut gravity_nm[..count]);
-        let load_nm = gravity_nm[index];
-        let moving_nm = |speed_rad_s| load_nm + friction.drag_nm(speed_rad_s, load_nm, 0.0, 0.0);
-        moving_nm(SWEEP_SPEED_RAD_S)
-            .abs()
-            .max(moving_nm(-SWEEP_SPEED_RAD_S).abs())
-    };
-    let reach_rad = |end_rad: f64| {
-        let angle_rad =
-            |step: u32| home_rad + (end_rad - home_rad) * f64::from(step) / f64::from(STEPS);
-        let liftable = |step: &u32| needed_nm(angle_rad(*step)) <= limit_nm;
-        (0..=STEPS).take_while(liftable).last().map(angle_rad)
-    };
-    Some([reach_rad(low_rad)?, reach_rad(high_rad)?])
 }
 
 /// From rest to rest at one speed.

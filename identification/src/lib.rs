@@ -12,6 +12,7 @@ pub mod periodic;
 mod statistics;
 mod steady_motion;
 pub mod stiffness;
+mod sweep_pose;
 
 pub use error::IdentificationError;
 pub use loaded_arm::{PAYLOAD_CENTRE_KEY, PAYLOAD_KEY, Payload, Sweep};
