@@ -162,7 +162,8 @@ impl Target {
     }
 }
 
-/// The one extension that meets most targets; of equals the one furthest within them.
+/// The one extension that does best on all targets together: the product of what it reached over what was wanted is least.
+/// A ratio that is good because both of its sides are bad does not win so.
 pub fn best_extension(targets: &[Target]) -> Option<&str> {
     let names = targets
         .first()?
@@ -173,9 +174,9 @@ pub fn best_extension(targets: &[Target]) -> Option<&str> {
         let reached = targets
             .iter()
             .filter_map(|target| Some((target.limit, target.by(name)?)));
-        let missed = reached.clone().filter(|(_, reached)| !reached.met).count();
-        let total: f64 = reached.map(|(limit, reached)| reached.value / limit).sum();
-        missed as f64 * 1e6 + total
+        reached
+            .map(|(limit, reached)| (reached.value / limit).ln())
+            .sum::<f64>()
     };
     names
         .filter(|name| *name != IDENTIFIED)
@@ -255,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn the_best_extension_meets_most_targets_and_is_never_the_papers_own_way() {
+    fn the_best_extension_does_best_on_all_targets_together_and_is_never_the_papers_own_way() {
         let targets = [
             target_with(
                 1.0,
