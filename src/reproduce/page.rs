@@ -68,6 +68,9 @@ fn method(reproduction: &Reproduction) -> Section {
         .definitions([
             ("published tables", "feedforward with the tables of PA10-05 as printed"),
             ("identified", "the same law with the model identified from recordings of this arm"),
+            ("+ measured velocity", "identified, with friction at the observed speed of the joint"),
+            ("+ torsion", "identified, with load-dependent friction at the load that a link encoder's torsion shows"),
+            ("+ correction", "identified, with the slow model error seen by the torque estimator fed forward"),
             ("no model", "the same gains with nothing fed forward"),
             ("no model, high gains", "of all gains tried in the search below, those that follow best with nothing fed forward and do not ring"),
             ("feedback", "what proportional and derivative feedback add to the model's torque, at the joint"),
