@@ -5,6 +5,7 @@ mod error;
 mod identify;
 mod output;
 mod process;
+mod recording;
 mod reproduce;
 mod run;
 mod supervisor;
@@ -29,6 +30,7 @@ fn main() -> ExitCode {
     let outcome = match cli.command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Identify(arguments) => identify::identify(&arguments),
+        Command::Recording(command) => recording::recording(&command),
         Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
         Command::Process(arguments) => process::run(&arguments),
     };

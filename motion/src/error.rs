@@ -18,6 +18,12 @@ pub enum MotionError {
         /// The nearest known name.
         hint: String,
     },
+    /// Samples that make no trajectory.
+    #[error("the sampled reference cannot be followed: {reason}")]
+    Samples {
+        /// What is wrong with it.
+        reason: String,
+    },
     /// The arm is not built like the PA-10.
     #[error(
         "the lemniscate needs a PA-10-shaped arm, but {reason}; use multi_sine or a trajectory file"

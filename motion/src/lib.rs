@@ -3,7 +3,7 @@
 //! A [`Trajectory`] gives every joint's position, velocity and acceleration as a pure function of time: no clock, no
 //! heap, no panic in [`Trajectory::sample`]. [`load`] takes one of the [`NAMES`] (sensible defaults for any robot), a
 //! TOML file ([`TrajectoryFile`]) or a CSV file of waypoints (`time_s`, `JOINT.reference_position_rad`), and checks the
-//! robot's limits over the whole of it.
+//! robot's limits over the whole of it. [`Trajectory::sampled`] follows the reference of a recording.
 //!
 //! ```
 //! let robot = robot::load("pa10")?;
@@ -36,3 +36,4 @@ pub use file::{NAMES, TrajectoryFile, TrajectoryKind, load};
 pub use kinematics::PaTenArm;
 pub use lemniscate::{LEMNISCATE_PERIOD_S, lemniscate_pose};
 pub use trajectory::{Reference, Trajectory};
+pub use waypoints::{SampledJoint, SampledReference};

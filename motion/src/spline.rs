@@ -1,10 +1,10 @@
-//! Cubic spline through waypoints: continuous acceleration, at rest at both ends ("clamped").
+//! Cubic spline through waypoints: continuous acceleration, told slopes at both ends ("clamped").
 
 /// Curvatures of the spline through `values` at `times`, ascending, at least two of each.
 ///
-/// Solves the tridiagonal system of the clamped cubic spline with zero end slopes (de Boor, A Practical Guide to
+/// Solves the tridiagonal system of the clamped cubic spline with these end slopes (de Boor, A Practical Guide to
 /// Splines, chapter IV) by elimination.
-pub fn curvatures(times: &[f64], values: &[f64]) -> Vec<f64> {
+pub fn curvatures(times: &[f64], values: &[f64], end_slopes: [f64; 2]) -> Vec<f64> {
     let last = times.len() - 1;
     let width = |i: usize| times[i + 1] - times[i];
     let slope = |i: usize| (values[i + 1] - values[i]) / width(i);
@@ -12,8 +12,8 @@ pub fn curvatures(times: &[f64], values: &[f64]) -> Vec<f64> {
     let row = |i: usize| {
         let below = if i > 0 { width(i - 1) } else { 0.0 };
         let above = if i < last { width(i) } else { 0.0 };
-        let slope_before = if i > 0 { slope(i - 1) } else { 0.0 };
-        let slope_after = if i < last { slope(i) } else { 0.0 };
+        let slope_before = if i > 0 { slope(i - 1) } else { end_slopes[0] };
+        let slope_after = if i < last { slope(i) } else { end_slopes[1] };
         (
             below,
             2.0 * (below + above),
@@ -73,7 +73,7 @@ mod tests {
 
     #[test]
     fn passes_through_the_waypoints_with_continuous_acceleration() {
-        let curvatures = curvatures(&TIMES, &VALUES);
+        let curvatures = curvatures(&TIMES, &VALUES, [0.0; 2]);
         for i in 0..4 {
             assert!(
                 (sample(&TIMES, &VALUES, &curvatures, i, TIMES[i])[0] - VALUES[i]).abs() < 1e-12
@@ -92,15 +92,30 @@ mod tests {
 
     #[test]
     fn rests_at_both_ends() {
-        let curvatures = curvatures(&TIMES, &VALUES);
+        let curvatures = curvatures(&TIMES, &VALUES, [0.0; 2]);
         assert!(sample(&TIMES, &VALUES, &curvatures, 0, 0.0)[1].abs() < 1e-12);
         assert!(sample(&TIMES, &VALUES, &curvatures, 3, 4.0)[1].abs() < 1e-12);
     }
 
     #[test]
+    fn a_cubic_with_its_own_end_slopes_is_met_exactly() {
+        let cubic = |t: f64| 0.3 - t + 0.5 * t * t - 0.2 * t.powi(3);
+        let slope = |t: f64| -1.0 + t - 0.6 * t * t;
+        let values = TIMES.map(cubic);
+        let curvatures = curvatures(&TIMES, &values, [slope(TIMES[0]), slope(TIMES[4])]);
+        for (left, time) in [(0, 0.2), (1, 1.0), (2, 1.3), (3, 3.9)] {
+            let [position, velocity, acceleration] =
+                sample(&TIMES, &values, &curvatures, left, time);
+            assert!((position - cubic(time)).abs() < 1e-12);
+            assert!((velocity - slope(time)).abs() < 1e-12);
+            assert!((acceleration - (1.0 - 1.2 * time)).abs() < 1e-12);
+        }
+    }
+
+    #[test]
     fn two_points_make_the_cubic_from_rest_to_rest() {
         let (times, values) = ([0.0, 2.0], [0.0, 1.0]);
-        let curvatures = curvatures(&times, &values);
+        let curvatures = curvatures(&times, &values, [0.0; 2]);
         assert!(
             (sample(&times, &values, &curvatures, 0, 0.5)[0] - (3.0 * 0.0625 - 2.0 * 0.015625))
                 .abs()

@@ -7,7 +7,7 @@ use crate::MotionError;
 use crate::joint_motion::JointMotion;
 use crate::lemniscate::{LEMNISCATE_PERIOD_S, Lemniscate};
 use crate::soft_start::path_time;
-use crate::waypoints::Waypoints;
+use crate::waypoints::{SampledReference, Waypoints};
 
 /// What the joints are asked to do at one instant, joint side. Zero beyond the robot's joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -89,6 +89,15 @@ impl Trajectory {
         };
         trajectory.check(robot)?;
         Ok(trajectory)
+    }
+
+    /// Follows a reference that was recorded, and checks the robot's limits over all of it.
+    ///
+    /// # Errors
+    /// [`MotionError::Samples`], or the limit that would be passed.
+    pub fn sampled(reference: SampledReference, robot: &Robot) -> Result<Self, MotionError> {
+        let waypoints = Waypoints::sampled(reference, robot)?;
+        Self::new(Motion::Waypoints(waypoints), 0.0, None, robot)
     }
 
     /// Writes the reference at `time_s`. Before zero that is the start.

@@ -6,6 +6,7 @@
 
 use robot::{Place, Robot, RobotError};
 
+use crate::MotionError;
 use crate::defaults::home_rad;
 use crate::spline;
 
@@ -23,6 +24,9 @@ const OTHER_SIGNALS: [&str; 10] = [
     "motor_current_a",
     "temperature_c",
 ];
+
+/// A sum of periods may pass the last waypoint by rounding.
+const ROUNDING_S: f64 = 1e-9;
 
 /// A spline per joint.
 #[derive(Clone, Debug)]
@@ -88,12 +92,29 @@ impl Waypoints {
             .map(|joint| Path::Hold(home_rad(joint)))
             .collect();
         for ((_, joint), positions_rad) in columns.joints.into_iter().zip(positions_rad) {
-            let curvatures_rad_s2 = spline::curvatures(&times_s, &positions_rad);
+            let at_rest = [0.0; 2];
+            let curvatures_rad_s2 = spline::curvatures(&times_s, &positions_rad, at_rest);
             joints[joint] = Path::Spline {
                 positions_rad,
                 curvatures_rad_s2,
             };
         }
+        Ok(Self { times_s, joints })
+    }
+
+    /// A spline through the samples of a reference that need not begin or end at rest.
+    pub fn sampled(reference: SampledReference, robot: &Robot) -> Result<Self, MotionError> {
+        reference.check(robot)?;
+        let SampledReference { times_s, joints } = reference;
+        let path = |joint: SampledJoint| Path::Spline {
+            curvatures_rad_s2: spline::curvatures(
+                &times_s,
+                &joint.positions_rad,
+                joint.end_velocities_rad_s,
+            ),
+            positions_rad: joint.positions_rad,
+        };
+        let joints = joints.into_iter().map(path).collect();
         Ok(Self { times_s, joints })
     }
 
@@ -109,7 +130,7 @@ impl Waypoints {
 
     /// Hands position, velocity and acceleration of every joint to `set`.
     pub fn sample(&self, time_s: f64, mut set: impl FnMut(usize, [f64; 3])) {
-        let over = time_s >= self.duration_s();
+        let over = time_s > self.duration_s() + ROUNDING_S;
         let after = self
             .times_s
             .partition_point(|waypoint_s| *waypoint_s <= time_s);
@@ -131,6 +152,53 @@ impl Waypoints {
             };
             set(joint, values);
         }
+    }
+}
+
+/// A reference as a recording holds it: positions at instants, for every joint of the robot in its order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SampledReference {
+    /// Ascending, the first is 0.
+    pub times_s: Vec<f64>,
+    /// In the robot's order.
+    pub joints: Vec<SampledJoint>,
+}
+
+/// One joint of a sampled reference.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SampledJoint {
+    /// One per instant.
+    pub positions_rad: Vec<f64>,
+    /// At the first and at the last instant.
+    pub end_velocities_rad_s: [f64; 2],
+}
+
+impl SampledReference {
+    fn check(&self, robot: &Robot) -> Result<(), MotionError> {
+        let samples = self.times_s.len();
+        let ascending = self.times_s.windows(2).all(|pair| pair[0] < pair[1]);
+        let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
+        let whole = |joint: &SampledJoint| {
+            joint.positions_rad.len() == samples
+                && finite(&joint.positions_rad)
+                && finite(&joint.end_velocities_rad_s)
+        };
+        let reason = if self.joints.len() != robot.joints.len() {
+            format!(
+                "it has {} joints, the robot {}",
+                self.joints.len(),
+                robot.joints.len()
+            )
+        } else if samples < 2 {
+            format!("it has {samples} samples; at least 2 are needed")
+        } else if self.times_s[0] != 0.0 || !ascending || !finite(&self.times_s) {
+            "its times do not ascend from 0".to_owned()
+        } else if let Some(joint) = self.joints.iter().position(|joint| !whole(joint)) {
+            format!("{} lacks a sample", robot.joints[joint].name)
+        } else {
+            return Ok(());
+        };
+        Err(MotionError::Samples { reason })
     }
 }
 
@@ -199,4 +267,54 @@ fn number(
     );
     let value = cell.parse::<f64>().ok().filter(|value| value.is_finite());
     value.ok_or_else(|| place.invalid(format!("{heading} = {cell:?} must be a finite number")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Reference, Trajectory};
+
+    fn swing(rate_hz: f64, rows: usize) -> SampledReference {
+        let times_s: Vec<f64> = (0..rows).map(|row| row as f64 / rate_hz).collect();
+        let last_s = times_s[rows - 1];
+        let positions_rad = times_s.iter().map(|time_s| 0.3 * time_s.sin()).collect();
+        let joints = vec![SampledJoint {
+            positions_rad,
+            end_velocities_rad_s: [0.3, 0.3 * last_s.cos()],
+        }];
+        SampledReference { times_s, joints }
+    }
+
+    #[test]
+    fn a_sampled_reference_gives_back_its_samples_and_their_derivatives() {
+        let robot = robot::load("shd17").unwrap();
+        let sampled = swing(250.0, 1000);
+        let trajectory = Trajectory::sampled(sampled.clone(), &robot).unwrap();
+        assert_eq!(trajectory.duration_s(), sampled.times_s.last().copied());
+        let mut reference = Reference::default();
+        let samples = sampled.times_s.iter().zip(&sampled.joints[0].positions_rad);
+        for (time_s, position_rad) in samples {
+            trajectory.sample(*time_s, &mut reference);
+            assert_eq!(reference.position_rad[0], *position_rad);
+            let (velocity, acceleration) = (0.3 * time_s.cos(), -0.3 * time_s.sin());
+            assert!((reference.velocity_rad_s[0] - velocity).abs() < 1e-8);
+            assert!((reference.acceleration_rad_s2[0] - acceleration).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn samples_that_do_not_fit_are_refused_in_words() {
+        let robot = robot::load("shd17").unwrap();
+        let refusal = |change: fn(&mut SampledReference)| {
+            let mut sampled = swing(250.0, 10);
+            change(&mut sampled);
+            Trajectory::sampled(sampled, &robot)
+                .unwrap_err()
+                .to_string()
+        };
+        assert!(refusal(|sampled| sampled.times_s[5] = 0.0).contains("ascend"));
+        assert!(refusal(|sampled| sampled.joints.clear()).contains("0 joints"));
+        assert!(refusal(|sampled| sampled.joints[0].positions_rad[3] = f64::NAN).contains("lacks"));
+        assert!(refusal(|sampled| sampled.times_s.truncate(1)).contains("1 samples"));
+    }
 }

@@ -151,7 +151,7 @@ fn fill_segments(told: &[Option<i64>]) -> Option<Vec<i64>> {
 
 /// The rate at which rows follow each other: regular steps only, so that gaps and late rows do not lower it,
 /// and their mean, so that rounded times do not shift it.
-fn shown_rate_hz(time_s: &[f64], segment: Option<&[i64]>) -> Option<f64> {
+pub(crate) fn shown_rate_hz(time_s: &[f64], segment: Option<&[i64]>) -> Option<f64> {
     let mut steps_s: Vec<f64> = segments(time_s.len(), segment)
         .into_iter()
         .flat_map(|rows| time_s[rows].windows(2).map(|pair| pair[1] - pair[0]))

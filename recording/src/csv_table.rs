@@ -1,6 +1,6 @@
 //! Tables written as CSV.
 
-use crate::csv_log::{SEGMENT, TIME};
+use crate::columns::{SEGMENT, TIME};
 use crate::{Recording, WriteError};
 use std::fs::File;
 use std::io::{BufWriter, Write};

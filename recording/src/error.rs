@@ -21,12 +21,46 @@ pub enum ReadProblem {
     /// The operating system refused.
     #[error("cannot be read: {0}")]
     Io(#[from] io::Error),
-    /// Neither MCAP nor CSV.
-    #[error("is neither an MCAP recording nor named as a CSV log is (.csv, .tsv, .txt)")]
+    /// Neither MCAP nor Parquet nor CSV.
+    #[error(
+        "is neither an MCAP recording nor a Parquet file nor named as a CSV log is (.csv, .tsv, .txt)"
+    )]
     UnknownFormat,
     /// Named `.mcap`, but something else.
     #[error("is not an MCAP file, in spite of its name: it does not begin as one")]
     NotMcap,
+    /// A mapping for a file that needs none.
+    #[error("is an MCAP recording, whose channels say what they hold; leave the mapping file out")]
+    MappedMcap,
+    /// Named `.parquet`, but something else.
+    #[error("is not a Parquet file, in spite of its name: it does not begin as one")]
+    NotParquet,
+    /// A Parquet file that cannot be decoded.
+    #[error(
+        "is a Parquet file that cannot be decoded: {0}; it was cut short, damaged or encrypted"
+    )]
+    Parquet(String),
+    /// More values than a table in memory shall hold.
+    #[error(
+        "says that it holds {rows} rows of {columns} columns; at most {} values are read, so split it",
+        crate::VALUES_MAX
+    )]
+    TooLarge {
+        /// As the file says.
+        rows: i64,
+        /// That would be read.
+        columns: usize,
+    },
+    /// A Parquet column of something else than numbers.
+    #[error(
+        "column `{column}` holds {found}, not numbers; write it as floating-point numbers or integers"
+    )]
+    ColumnType {
+        /// Its name.
+        column: String,
+        /// The Parquet type.
+        found: String,
+    },
     /// The recorder died before anything was written.
     #[error(
         "is an MCAP file that ends before its description of the recording; nothing was recorded"
@@ -42,14 +76,20 @@ pub enum ReadProblem {
     },
     /// A compression this reader does not know.
     #[error(
-        "has chunks compressed with `{compression}`; only lz4 and uncompressed chunks are read, so convert it first"
+        "is compressed with `{compression}`; only {known} and uncompressed files of its kind are read, so convert it first"
     )]
     UnknownCompression {
         /// As the file names it.
         compression: String,
+        /// What is read.
+        known: &'static str,
     },
     /// An MCAP file of something else.
-    #[error("holds no channel of flexspline.JointCycle messages; its channels are {}", list(.channels))]
+    #[error(
+        "is an MCAP file of something else: no channel holds flexspline.JointCycle messages, its channels (with schemas) \
+         are {}; export what you want to compare as CSV or Parquet, one row per control cycle, and say in a mapping file \
+         which column is which signal", list(.channels)
+    )]
     NoJoints {
         /// Topic and schema of each.
         channels: Vec<String>,
@@ -68,7 +108,7 @@ pub enum ReadProblem {
         "{place}: time runs backwards, from {previous_s} s to {time_s} s; where a new trajectory begins, say so with a `segment` column"
     )]
     TimeBackwards {
-        /// Line or cycle.
+        /// Line, row or cycle.
         place: Place,
         /// Of the row before.
         previous_s: f64,
@@ -78,7 +118,7 @@ pub enum ReadProblem {
     /// An infinite value.
     #[error("{place}: {column} is {value}; a value that is not there is left empty")]
     NotFinite {
-        /// Line or cycle.
+        /// Line, row or cycle.
         place: Place,
         /// The column's name.
         column: String,
@@ -138,31 +178,31 @@ pub enum ReadProblem {
     },
     /// A cell that is no number.
     #[error(
-        "line {line}, column `{column}`: `{cell}` is not a number (a decimal point is expected, no unit)"
+        "{place}, column `{column}`: `{cell}` is not a number (a decimal point is expected, no unit)"
     )]
     NotANumber {
-        /// Counted from 1.
-        line: u64,
+        /// Line or row.
+        place: Place,
         /// The header's name.
         column: String,
         /// What is there.
         cell: String,
     },
     /// A segment that is no integer.
-    #[error("line {line}, column `{column}`: `{cell}` is not an integer, which a segment is")]
+    #[error("{place}, column `{column}`: `{cell}` is not an integer, which a segment is")]
     NotAnInteger {
-        /// Counted from 1.
-        line: u64,
+        /// Line or row.
+        place: Place,
         /// The header's name.
         column: String,
         /// What is there.
         cell: String,
     },
     /// A row without a time.
-    #[error("line {line}: no time in column `{column}`")]
+    #[error("{place}: no time in column `{column}`")]
     NoTime {
-        /// Counted from 1.
-        line: u64,
+        /// Line or row.
+        place: Place,
         /// The time column's name.
         column: String,
     },
@@ -229,6 +269,14 @@ pub enum WriteError {
         path: PathBuf,
         /// What it said.
         cause: mcap::McapError,
+    },
+    /// The Parquet writer refused.
+    #[error("cannot write {}: {cause}", path.display())]
+    Parquet {
+        /// The file.
+        path: PathBuf,
+        /// What it said.
+        cause: parquet::errors::ParquetError,
     },
     /// A joint name that a topic or a list of names cannot hold.
     #[error("joint name `{name}` {problem}")]
@@ -297,6 +345,8 @@ pub enum WriteError {
 pub enum Place {
     /// Of a CSV log, counted from 1.
     Line(u64),
+    /// Of a Parquet file, counted from 1.
+    Row(u64),
     /// Of an MCAP recording.
     Cycle(u64),
 }
@@ -305,6 +355,7 @@ impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Line(line) => write!(f, "line {line}"),
+            Self::Row(row) => write!(f, "row {row}"),
             Self::Cycle(cycle) => write!(f, "cycle {cycle}"),
         }
     }

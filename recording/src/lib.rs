@@ -1,7 +1,7 @@
-//! Recordings: MCAP files written and read, foreign CSV logs read.
+//! Recordings: MCAP, Parquet and CSV files, read and written.
 //!
 //! [`Writer`] appends one row per control cycle to an MCAP file that common viewers and libraries open: the
-//! schemas travel in the file. [`read`] turns a recording, or a CSV log with a mapping file beside it, into
+//! schemas travel in the file. [`read`] turns a recording, or a CSV or Parquet log with a mapping file beside it, into
 //! the columns of a [`Recording`]; [`read_cycles`] hands over an MCAP file's rows with what the table leaves
 //! out (loop timing, live estimates, what an emulated plant really did).
 //!
@@ -29,63 +29,113 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, reason = "a test may"))]
 
 mod builder;
+mod check;
+mod columns;
 mod csv_log;
 mod csv_table;
 mod error;
+mod guard;
+mod info;
 mod mapping;
 mod mcap_file;
 mod message;
+mod parquet_log;
+mod parquet_table;
 mod signal;
+mod statistics;
 mod table;
 mod writer;
 
+pub use check::{CheckJoint, CheckRobot, Finding, FindingKind, Severity, check};
 pub use csv_table::write_csv;
 pub use error::{MappingProblem, Place, ReadError, ReadProblem, WriteError};
+pub use info::{JointInfo, RecordingInfo, SignalInfo, Timing, describe};
 pub use mcap_file::{McapContents, read_cycles, write_mcap};
 pub use message::{CycleRow, JointCycle, JointTruth, LoopCycle};
+pub use parquet_table::write_parquet;
 pub use signal::Signal;
 pub use table::{JointColumns, MissingSignal, Recording};
 pub use writer::{Header, Writer};
 
+use mapping::Mapping;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 /// The most joints a file may hold, so that a damaged one cannot ask for a table of any width.
 pub const JOINTS_MAX: usize = 256;
+/// The most values of a Parquet file that are read: a few bytes of it may stand for any number of equal ones.
+pub const VALUES_MAX: usize = 1 << 29;
 
-/// Reads a recording: an MCAP file, known by its first bytes, or a CSV log (`.csv`, `.tsv`, `.txt`), whose
-/// columns are named as [`Signal`] names them or by a mapping file beside it (`NAME.toml` for `NAME.csv`).
+/// Reads a recording: an MCAP file or a Parquet file, known by their first bytes, or a CSV log (`.csv`, `.tsv`,
+/// `.txt`). The columns of a log are named as [`Signal`] names them or by a mapping file beside it (`NAME.toml` for
+/// `NAME.csv` and `NAME.parquet`).
 ///
 /// # Errors
 /// What keeps the file from being read, with the place in it and what to change.
 pub fn read(path: &Path) -> Result<Recording, ReadError> {
-    read_by_format(path).map_err(|problem| ReadError {
+    let read = || {
+        let beside = path.with_extension("toml");
+        match Format::of(path)? {
+            Format::Mcap => mcap_file::read_table(path),
+            log => log.read(path, &Mapping::beside(&beside)?, &beside),
+        }
+    };
+    read().map_err(|problem| ReadError {
         path: path.to_owned(),
         problem,
     })
 }
 
-fn read_by_format(path: &Path) -> Result<Recording, ReadProblem> {
-    if begins_as_mcap(path)? {
-        return mcap_file::read_table(path);
-    }
-    let extension = path
-        .extension()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .to_lowercase();
-    match extension.as_str() {
-        "csv" | "tsv" | "txt" => csv_log::read_table(path),
-        "mcap" => Err(ReadProblem::NotMcap),
-        _ => Err(ReadProblem::UnknownFormat),
-    }
+/// Reads a CSV or Parquet log with a mapping file that may lie anywhere.
+///
+/// # Errors
+/// As [`read`]; also if there is no such mapping file, or the log is an MCAP recording, which needs none.
+pub fn read_mapped(path: &Path, mapping_path: &Path) -> Result<Recording, ReadError> {
+    let read = || match Format::of(path)? {
+        Format::Mcap => Err(ReadProblem::MappedMcap),
+        log => log.read(path, &Mapping::at(mapping_path)?, mapping_path),
+    };
+    read().map_err(|problem| ReadError {
+        path: path.to_owned(),
+        problem,
+    })
 }
 
-fn begins_as_mcap(path: &Path) -> Result<bool, ReadProblem> {
-    let mut start = Vec::with_capacity(mcap::MAGIC.len());
-    File::open(path)?
-        .take(mcap::MAGIC.len() as u64)
-        .read_to_end(&mut start)?;
-    Ok(start == mcap::MAGIC)
+/// The kinds of files that are read.
+#[derive(Clone, Copy)]
+enum Format {
+    Mcap,
+    Parquet,
+    Csv,
+}
+
+impl Format {
+    fn of(path: &Path) -> Result<Self, ReadProblem> {
+        let mut start = Vec::with_capacity(mcap::MAGIC.len());
+        File::open(path)?
+            .take(mcap::MAGIC.len() as u64)
+            .read_to_end(&mut start)?;
+        if start == mcap::MAGIC {
+            return Ok(Self::Mcap);
+        }
+        if start.starts_with(parquet_log::MAGIC) {
+            return Ok(Self::Parquet);
+        }
+        let extension = path.extension().unwrap_or_default().to_string_lossy();
+        match extension.to_lowercase().as_str() {
+            "csv" | "tsv" | "txt" => Ok(Self::Csv),
+            "mcap" => Err(ReadProblem::NotMcap),
+            "parquet" => Err(ReadProblem::NotParquet),
+            _ => Err(ReadProblem::UnknownFormat),
+        }
+    }
+
+    fn read(self, path: &Path, mapping: &Mapping, at: &Path) -> Result<Recording, ReadProblem> {
+        match self {
+            Self::Mcap => mcap_file::read_table(path),
+            Self::Parquet => parquet_log::read_table(path, mapping, at),
+            Self::Csv => csv_log::read_table(path, mapping, at),
+        }
+    }
 }

@@ -12,10 +12,9 @@
 //!
 //! Columns that bear the names of a recording's own need no entry.
 
-use crate::csv_log::{SEGMENT, TIME};
+use crate::columns::{SEGMENT, TIME};
 use crate::error::nearest;
 use crate::{MappingProblem, ReadProblem, Signal};
-use std::io;
 use std::path::Path;
 use toml::{Table, Value};
 
@@ -47,12 +46,17 @@ pub(crate) struct Source {
 impl Mapping {
     /// Reads the mapping file, if there is one.
     pub(crate) fn beside(path: &Path) -> Result<Self, ReadProblem> {
-        let text = match std::fs::read_to_string(path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Self::default()),
-            Err(error) => return Err(problem(path, MappingProblem::Io(error))),
-        };
-        Self::parse(&text).map_err(|wrong| problem(path, wrong))
+        match path.try_exists() {
+            Ok(false) => Ok(Self::default()),
+            _ => Self::at(path),
+        }
+    }
+
+    /// Reads the mapping file.
+    pub(crate) fn at(path: &Path) -> Result<Self, ReadProblem> {
+        let text = std::fs::read_to_string(path).map_err(MappingProblem::Io);
+        text.and_then(|text| Self::parse(&text))
+            .map_err(|wrong| problem(path, wrong))
     }
 
     fn parse(text: &str) -> Result<Self, MappingProblem> {

@@ -3,7 +3,10 @@
 use std::fmt;
 
 /// What one column of a joint holds. SI; positive about the joint's axis on both sides of the gear.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
 pub enum Signal {
     /// What the joint was asked to do, joint side.
     ReferencePositionRad,

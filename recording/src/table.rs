@@ -103,6 +103,45 @@ impl Recording {
         segments(self.rows(), self.segment.as_deref())
     }
 
+    /// The rows from `from_s` to `to_s`, both included, of these joints; all joints if none is named.
+    ///
+    /// # Errors
+    /// Names the joint that is not there.
+    pub fn part(&self, from_s: f64, to_s: f64, joints: &[String]) -> Result<Self, MissingSignal> {
+        let rows: Vec<usize> = (0..self.rows())
+            .filter(|row| (from_s..=to_s).contains(&self.time_s[*row]))
+            .collect();
+        let of_rows =
+            |column: &Vec<f64>| -> Vec<f64> { rows.iter().map(|row| column[*row]).collect() };
+        let cut = |joint: &JointColumns| JointColumns {
+            name: joint.name.clone(),
+            signals: joint
+                .signals
+                .iter()
+                .map(|(signal, column)| (*signal, of_rows(column)))
+                .filter(|(_, column)| column.iter().any(|value| !value.is_nan()))
+                .collect(),
+        };
+        let joints = match joints {
+            [] => self.joints.iter().map(cut).collect(),
+            named => {
+                let cut = |name: &String| self.joint(name).map(cut);
+                named.iter().map(cut).collect::<Result<_, _>>()?
+            }
+        };
+        Ok(Self {
+            time_s: of_rows(&self.time_s),
+            segment: self
+                .segment
+                .as_ref()
+                .map(|segment| rows.iter().map(|row| segment[*row]).collect()),
+            joints,
+            sample_rate_hz: self.sample_rate_hz,
+            metadata: self.metadata.clone(),
+            truncated: self.truncated,
+        })
+    }
+
     /// The same table for a computation: equal times, segments, joints, values and rate, a value missing in
     /// both counting as equal. What was written about the run may differ.
     #[must_use]

@@ -260,7 +260,14 @@ fn begin(file: File, header: &Header) -> Result<(Mcap, Vec<u16>), McapError> {
     Ok((mcap, joint_channels))
 }
 
-fn metadata(header: &Header) -> BTreeMap<String, String> {
+/// The rate that the metadata tells, if it tells one.
+pub(crate) fn told_rate_hz(metadata: &BTreeMap<String, String>) -> Option<f64> {
+    let rate_hz = metadata.get(METADATA_RATE)?.parse().ok()?;
+    (rate_hz > 0.0 && f64::is_finite(rate_hz)).then_some(rate_hz)
+}
+
+/// About the run, joints and rate included.
+pub(crate) fn metadata(header: &Header) -> BTreeMap<String, String> {
     let mut metadata = header.metadata.clone();
     metadata.insert(METADATA_JOINTS.to_owned(), header.joint_names.join(","));
     metadata.insert(METADATA_RATE.to_owned(), header.sample_rate_hz.to_string());
@@ -283,7 +290,8 @@ fn add_channel<M: Described>(mcap: &mut Mcap, topic: &str) -> Result<u16, McapEr
     mcap.add_channel(schema, topic, "protobuf", &BTreeMap::new())
 }
 
-fn check_joint_names(names: &[String]) -> Result<(), WriteError> {
+/// That names can be topics, and listed.
+pub(crate) fn check_joint_names(names: &[String]) -> Result<(), WriteError> {
     if names.len() > JOINTS_MAX {
         return Err(WriteError::TooManyJoints {
             joints: names.len(),

@@ -103,7 +103,9 @@ fn other_files_are_refused_in_words() {
             .to_string()
     };
     assert!(refusal("a.mcap", b"time_s\n").contains("not an MCAP file"));
-    assert!(refusal("a.parquet", b"PAR1").contains("neither an MCAP recording"));
+    assert!(refusal("a.bag", b"#ROSBAG").contains("neither an MCAP recording"));
+    assert!(refusal("a.parquet", b"time_s\n").contains("not a Parquet file"));
+    assert!(refusal("b.parquet", b"PAR1").contains("cannot be decoded"));
     assert!(
         read(&folder.path().join("none.csv"))
             .unwrap_err()
@@ -130,7 +132,9 @@ fn a_foreign_mcap_file_is_told_by_its_channels() {
     writer.finish().unwrap();
     let error = read(&path).unwrap_err().to_string();
     assert!(
-        error.contains("its channels are `/joint_states (sensor_msgs/JointState)`"),
+        error.contains(
+            "its channels (with schemas) are `/joint_states (sensor_msgs/JointState)`; export"
+        ),
         "{error}"
     );
 }
@@ -162,6 +166,64 @@ fn unprotected(folder: &Path) -> Vec<u8> {
     std::fs::read(&to).unwrap()
 }
 
+/// The same file with its chunks compressed as most MCAP writers do it.
+fn zstd_compressed(uncompressed: &[u8]) -> Vec<u8> {
+    const CHUNK: u8 = 6;
+    const CHUNK_HEAD: usize = 8 + 8 + 8 + 4; // first and last time, size, checksum
+    let mut file = mcap::MAGIC.to_vec();
+    let mut rest = &uncompressed[mcap::MAGIC.len()..uncompressed.len() - mcap::MAGIC.len()];
+    while let Some((&opcode, after)) = rest.split_first() {
+        let (length, after) = after.split_first_chunk().unwrap();
+        let (body, after) = after.split_at(u64::from_le_bytes(*length) as usize);
+        rest = after;
+        let mut written = body.to_vec();
+        if opcode == CHUNK {
+            // No name of a compression, and the records, each after its length.
+            let records = zstd::encode_all(&body[CHUNK_HEAD + 4 + 8..], 0).unwrap();
+            written.truncate(CHUNK_HEAD);
+            written.extend(4_u32.to_le_bytes());
+            written.extend(b"zstd");
+            written.extend((records.len() as u64).to_le_bytes());
+            written.extend(records);
+        }
+        file.push(opcode);
+        file.extend((written.len() as u64).to_le_bytes());
+        file.extend(written);
+    }
+    file.extend(mcap::MAGIC);
+    file
+}
+
+#[test]
+fn zstd_chunks_are_read_as_uncompressed_ones_and_others_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let uncompressed = unprotected(folder.path());
+    let zstd = zstd_compressed(&uncompressed);
+    let table = read_bytes(folder.path(), "zstd.mcap", &zstd).unwrap();
+    assert!(!table.truncated);
+    assert!(table.same_table(&read_bytes(folder.path(), "plain.mcap", &uncompressed).unwrap()));
+    let at = zstd.windows(4).position(|name| name == b"zstd").unwrap();
+    let mut other = zstd.clone();
+    other[at..at + 4].copy_from_slice(b"rare");
+    let refusal = read_bytes(folder.path(), "rare.mcap", &other)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        refusal.contains("compressed with `rare`; only lz4, zstd"),
+        "{refusal}"
+    );
+    // A chunk that promises more than any recording holds.
+    let mut bomb = zstd;
+    bomb[at - 16..at - 8].copy_from_slice(&(1_u64 << 40).to_le_bytes());
+    let refusal = read_bytes(folder.path(), "bomb.mcap", &bomb)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        refusal.contains("unpacks to 1099511627776 bytes"),
+        "{refusal}"
+    );
+}
+
 fn native(folder: &Path) -> Vec<u8> {
     let path = folder.join("native.mcap");
     write_recording(&path, 30);
@@ -185,13 +247,14 @@ fn damaged(mut bytes: Vec<u8>, damage: &[(f64, u8)]) -> Vec<u8> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1000))]
+    #![proptest_config(ProptestConfig::with_cases(600))]
 
     #[test]
     fn damage_is_read_or_refused(damage in damage()) {
-        static WHOLE: LazyLock<[Vec<u8>; 2]> = LazyLock::new(|| {
+        static WHOLE: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
             let folder = tempfile::tempdir().unwrap();
-            [native(folder.path()), unprotected(folder.path())]
+            let unprotected = unprotected(folder.path());
+            [native(folder.path()), zstd_compressed(&unprotected), unprotected]
         });
         let folder = tempfile::tempdir().unwrap();
         for bytes in &*WHOLE {

@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, VecDeque};
 
 use recording::{Header, JointCycle, JointTruth, LoopCycle};
 use robot::Robot;
-use shm_types::instance::{Mode, RunConfig};
+use shm_types::control_options::{ControlOptions, FrictionVelocity, StiffnessTorque};
+use shm_types::instance::{ControlMode, Mode, RunConfig};
 use shm_types::messages::{Command, LoopStatus, PlantTruth, SensorSample, TorqueEstimate};
 
 /// Everything sent about one cycle; a message that did not come is missing.
@@ -105,6 +106,34 @@ pub fn record_row(
     Some(messages.status.as_ref().map(loop_cycle).unwrap_or_default())
 }
 
+fn control_name(control: ControlMode) -> &'static str {
+    match control {
+        ControlMode::Torque => "torque",
+        ControlMode::Velocity => "velocity",
+    }
+}
+
+/// The control that [`recording_header`] wrote down; torque control without options where nothing is told.
+pub fn recorded_control(metadata: &BTreeMap<String, String>) -> (ControlMode, ControlOptions) {
+    let is = |key: &str, value: &str| metadata.get(key).is_some_and(|told| told == value);
+    let control = match is("control", control_name(ControlMode::Velocity)) {
+        true => ControlMode::Velocity,
+        false => ControlMode::Torque,
+    };
+    let mut options = ControlOptions::default();
+    if is("friction_velocity", FrictionVelocity::Measured.name()) {
+        options.friction_velocity = FrictionVelocity::Measured;
+    }
+    if is("stiffness_torque", StiffnessTorque::Torsion.name()) {
+        options.stiffness_torque = StiffnessTorque::Torsion;
+    }
+    let gain = metadata
+        .get("correction")
+        .and_then(|gain| gain.parse().ok());
+    options.correction_gain = gain.unwrap_or_default();
+    (control, options)
+}
+
 /// What a recording says about its run.
 pub fn recording_header(run: &RunConfig, robot: &Robot) -> Header {
     let mode = match run.mode {
@@ -117,6 +146,7 @@ pub fn recording_header(run: &RunConfig, robot: &Robot) -> Header {
             ("driver", run.driver.clone()),
             ("trajectory", run.trajectory.clone()),
             ("mode", mode.to_owned()),
+            ("control", control_name(run.control).to_owned()),
             ("seed", run.seed.to_string()),
             ("version", env!("CARGO_PKG_VERSION").to_owned()),
             (
@@ -202,6 +232,49 @@ mod tests {
             },
             ..LoopStatus::default()
         }
+    }
+
+    fn run(control: ControlMode, options: ControlOptions) -> RunConfig {
+        RunConfig {
+            session: 1,
+            robot: "shd17".to_owned(),
+            driver: "emulator".to_owned(),
+            trajectory: "hold".to_owned(),
+            plant: None,
+            control,
+            options,
+            mode: Mode::Lockstep,
+            period_ns: 666_667,
+            cycles: 1,
+            wait: shm_types::instance::Wait::Block,
+            seed: 1,
+            inject: None,
+            record: None,
+            command_deadline_ns: 500_000,
+            cores: Vec::new(),
+            initial_position_rad: vec![0.0],
+        }
+    }
+
+    #[test]
+    fn a_recording_tells_how_its_robot_was_controlled() {
+        let robot = robot::load("shd17").expect("a shipped robot");
+        let options = ControlOptions {
+            friction_velocity: FrictionVelocity::Measured,
+            stiffness_torque: StiffnessTorque::Torsion,
+            correction_gain: 0.25,
+        };
+        for control in [ControlMode::Torque, ControlMode::Velocity] {
+            for options in [options, ControlOptions::default()] {
+                let header = recording_header(&run(control, options), &robot);
+                assert_eq!(recorded_control(&header.metadata), (control, options));
+            }
+        }
+        let nothing_told = recorded_control(&BTreeMap::new());
+        assert_eq!(
+            nothing_told,
+            (ControlMode::Torque, ControlOptions::default())
+        );
     }
 
     #[test]

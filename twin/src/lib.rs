@@ -17,9 +17,9 @@
 
 use joint_model::filter::FilterError;
 use motion::Trajectory;
-use plant_emulator::PlantError;
 use plant_emulator::drives::EmulatedDrives;
 use plant_emulator::process::emulated_plant;
+use plant_emulator::{Plant, PlantError, PlantParameters};
 use recording::{CycleRow, WriteError, Writer};
 use robot::{Injection, Robot};
 use rt_loop::cycle::{CycleInput, CycleState, Fault, loop_status};
@@ -88,14 +88,44 @@ pub fn simulate(
     robots: Robots<'_>,
     trajectory: Trajectory,
     injections: &[Injection],
+    each: impl FnMut(&CycleMessages) -> bool,
+) -> Result<(), TwinError> {
+    let plant = emulated_plant(robots.plant, run, injections)?;
+    control(run, robots.model, plant, trajectory, each)
+}
+
+/// Runs as [`simulate`] does on a plant that is what the robot file says and nothing else: the nominal model.
+///
+/// # Errors
+/// [`TwinError`], also when the loop stopped for safety.
+pub fn simulate_nominal(
+    run: &RunConfig,
+    robot: &Robot,
+    trajectory: Trajectory,
+    each: impl FnMut(&CycleMessages) -> bool,
+) -> Result<(), TwinError> {
+    let plant = Plant::new(
+        robot,
+        &PlantParameters::nominal(robot),
+        &[],
+        run.seed,
+        &run.initial_position_rad,
+        run.period_ns as f64 * 1e-9,
+    )?;
+    control(run, robot, plant, trajectory, each)
+}
+
+fn control(
+    run: &RunConfig,
+    robot: &Robot,
+    plant: Plant,
+    trajectory: Trajectory,
     mut each: impl FnMut(&CycleMessages) -> bool,
 ) -> Result<(), TwinError> {
-    let robot = robots.model;
     let config = cycle_config(run, robot);
     let period_s = run.period_ns as f64 * 1e-9;
     let mut controller = Controller::new(run, robot.clone(), trajectory)?;
     let mut estimators = Estimators::new(robot, period_s)?;
-    let plant = emulated_plant(robots.plant, run, injections)?;
     let joint_count = robot.joints.len();
     let mut drives = EmulatedDrives::new(plant, run.session, joint_count);
     drives.take(brake(run, joint_count));

@@ -5,7 +5,7 @@ mod rows;
 
 use crate::builder::TableBuilder;
 use crate::error::Place;
-use crate::writer::{METADATA, METADATA_JOINTS, METADATA_RATE};
+use crate::writer::{METADATA, METADATA_JOINTS, told_rate_hz};
 use crate::{
     CycleRow, Header, JointCycle, ReadError, ReadProblem, Recording, Signal, WriteError, Writer,
 };
@@ -76,7 +76,8 @@ pub fn write_mcap(recording: &Recording, path: &Path) -> Result<(), WriteError> 
     writer.finish()
 }
 
-fn header(recording: &Recording) -> Header {
+/// What a recording of this table says before its first row.
+pub(crate) fn header(recording: &Recording) -> Header {
     Header {
         joint_names: recording.joint_names().map(str::to_owned).collect(),
         sample_rate_hz: recording.sample_rate_hz,
@@ -157,13 +158,8 @@ fn read_rows(path: &Path, each: &mut EachRow<'_>) -> Result<McapContents, ReadPr
     let metadata = metadata.unwrap_or_default();
     Ok(McapContents {
         joint_names: rows.joint_names().to_vec(),
-        sample_rate_hz: rate(&metadata),
+        sample_rate_hz: told_rate_hz(&metadata),
         metadata,
         truncated: !ended,
     })
-}
-
-fn rate(metadata: &BTreeMap<String, String>) -> Option<f64> {
-    let rate_hz = metadata.get(METADATA_RATE)?.parse().ok()?;
-    (rate_hz > 0.0 && f64::is_finite(rate_hz)).then_some(rate_hz)
 }

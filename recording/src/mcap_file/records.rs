@@ -15,6 +15,8 @@ use std::path::Path;
 const RECORD_HEAD: usize = 1 + 8;
 /// LZ4 shrinks no more than this (one length byte stands for 255), plus a frame's fixed part.
 const LZ4_GROWTH: u64 = 256;
+/// Zstandard shrinks a run of equal bytes to nothing, so a small damaged file may promise any amount.
+const ZSTD_CHUNK_BYTES: u64 = 1 << 28;
 /// What a file ends with: the magic it began with.
 const MAGIC: &[u8] = mcap::MAGIC;
 
@@ -136,9 +138,12 @@ impl Records {
             "lz4" => {
                 unpack_lz4(&header, &data, &mut self.chunk).map_err(|what| damaged(offset, what))?
             }
+            "zstd" => unpack_zstd(&header, &data, &mut self.chunk)
+                .map_err(|what| damaged(offset, what))?,
             _ => {
                 return Err(ReadProblem::UnknownCompression {
                     compression: header.compression,
+                    known: "lz4, zstd",
                 });
             }
         }
@@ -209,6 +214,21 @@ fn unpack_lz4(header: &ChunkHeader, data: &[u8], chunk: &mut Vec<u8>) -> Result<
         return Err("a chunk says that it unpacks to more than it can".to_owned());
     }
     let decoder = lz4::Decoder::new(data).map_err(|error| error.to_string())?;
+    unpack(header, decoder, chunk)
+}
+
+fn unpack_zstd(header: &ChunkHeader, data: &[u8], chunk: &mut Vec<u8>) -> Result<(), String> {
+    if header.uncompressed_size > ZSTD_CHUNK_BYTES {
+        return Err(format!(
+            "a chunk says that it unpacks to {} bytes; at most {ZSTD_CHUNK_BYTES} are read",
+            header.uncompressed_size
+        ));
+    }
+    let decoder = zstd::Decoder::with_buffer(data).map_err(|error| error.to_string())?;
+    unpack(header, decoder, chunk)
+}
+
+fn unpack(header: &ChunkHeader, decoder: impl Read, chunk: &mut Vec<u8>) -> Result<(), String> {
     // One byte more than promised shows a chunk that holds more.
     decoder
         .take(header.uncompressed_size + 1)

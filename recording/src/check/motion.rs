@@ -1,0 +1,171 @@
+//! Motion: whether there is any, at more than one speed and in both directions, and whether every signal follows it.
+
+use super::scale::{Scales, blocks};
+use super::{Finding, FindingKind, POSITIONS, measured_position, values};
+use crate::statistics::{quantile, span};
+use crate::{JointColumns, Recording, Signal};
+
+/// A joint that moves less is moved by its neighbours' reaction only.
+const STILL_RAD: f64 = 2e-3;
+/// Of the fastest speed (of its 95 % quantile); slower counts as standing.
+const MOVING: f64 = 0.05;
+/// Fast moving over slow moving, 90 % over 10 % quantile: below this it is one speed.
+const SPEEDS: f64 = 1.3;
+/// A signal that keeps one value for as long while the joint moves is stuck.
+const STUCK_S: f64 = 0.2;
+/// Share of its whole way that the joint moves meanwhile.
+const STUCK_TRAVEL: f64 = 0.05;
+/// Above this share missing values are worth a warning.
+const MISSING: f64 = 0.05;
+
+/// One joint's motion and signals.
+pub(super) fn check(recording: &Recording, joint: &JointColumns, seen: &Scales) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let way = |signal: Signal| {
+        let position = values(joint, signal)?;
+        let side = match signal {
+            Signal::MotorPositionRad => seen.gear_ratio.unwrap_or(1.0),
+            _ => 1.0,
+        };
+        Some((signal, span(position) / (side * seen.factor(signal)).abs()))
+    };
+    let farthest_rad = POSITIONS
+        .into_iter()
+        .filter_map(way)
+        .map(|(_, way)| way)
+        .fold(0.0, f64::max);
+    match POSITIONS[..2].iter().find_map(|signal| way(*signal)) {
+        Some((signal, way_rad)) if way_rad < STILL_RAD => {
+            let what = format!("stands still, it moves {way_rad:.2e} rad at the joint");
+            let finding = Finding::warning(FindingKind::NoMotion, what)
+                .at(joint)
+                .of(signal);
+            let remedy = "record a motion in both directions at several speeds to learn something about this joint";
+            findings.push(finding.decided_by(way_rad).remedy(remedy));
+        }
+        Some(_) => {
+            let position = measured_position(joint);
+            findings.extend(
+                position.and_then(|(signal, position)| speeds(recording, joint, signal, position)),
+            );
+        }
+        None => {}
+    }
+    for (signal, column) in &joint.signals {
+        findings.extend(missing(joint, *signal, column));
+        if farthest_rad >= STILL_RAD && !may_be_constant(*signal) {
+            findings.extend(stuck(recording, joint, *signal, column));
+        }
+    }
+    findings
+}
+
+fn speeds(
+    recording: &Recording,
+    joint: &JointColumns,
+    signal: Signal,
+    position: &[f64],
+) -> Option<Finding> {
+    let velocities: Vec<f64> = blocks(recording)
+        .into_iter()
+        .map(|rows| {
+            let elapsed_s = recording.time_s[rows.end - 1] - recording.time_s[rows.start];
+            (position[rows.end - 1] - position[rows.start]) / elapsed_s
+        })
+        .filter(|velocity| velocity.is_finite())
+        .collect();
+    let sizes: Vec<f64> = velocities.iter().map(|velocity| velocity.abs()).collect();
+    let fast = quantile(sizes.clone(), 0.95)?;
+    let moving: Vec<f64> = sizes
+        .into_iter()
+        .filter(|size| *size > MOVING * fast)
+        .collect();
+    let (slow, fast) = (quantile(moving.clone(), 0.1)?, quantile(moving, 0.9)?);
+    let finding = if fast < SPEEDS * slow {
+        let what = format!("moves at one speed only, from {slow:.4} to {fast:.4} rad/s");
+        Finding::warning(FindingKind::OneSpeed, what)
+            .decided_by(fast / slow)
+            .remedy("record several speeds: how friction changes with speed cannot be told")
+    } else {
+        let threshold = MOVING * fast;
+        let forward = velocities.iter().any(|velocity| *velocity > threshold);
+        let backward = velocities.iter().any(|velocity| *velocity < -threshold);
+        if forward && backward {
+            return None;
+        }
+        let direction = if forward { "positive" } else { "negative" };
+        let what = format!("moves in the {direction} direction only");
+        Finding::warning(FindingKind::OneDirection, what)
+            .remedy("record both directions: friction cannot be told from a torque offset")
+    };
+    Some(finding.at(joint).of(signal))
+}
+
+fn missing(joint: &JointColumns, signal: Signal, column: &[f64]) -> Option<Finding> {
+    let missing = column.iter().filter(|value| value.is_nan()).count();
+    let share = missing as f64 / column.len() as f64;
+    (share > MISSING).then(|| {
+        let what = format!("{:.1} % of the rows have no value", 100.0 * share);
+        Finding::warning(FindingKind::MissingValues, what)
+            .at(joint)
+            .of(signal)
+            .decided_by(share)
+    })
+}
+
+/// An encoder that keeps its value while the joint's other one moves, or any signal that always does. A joint with one
+/// encoder may really stick, and a reference rest while the joint catches up.
+fn stuck(
+    recording: &Recording,
+    joint: &JointColumns,
+    signal: Signal,
+    column: &[f64],
+) -> Option<Finding> {
+    let other = match signal {
+        Signal::MotorPositionRad => values(joint, Signal::LinkPositionRad),
+        Signal::LinkPositionRad => values(joint, Signal::MotorPositionRad),
+        _ => None,
+    };
+    let held = other.and_then(|other| longest_held(recording, column, other));
+    let what = if let Some((held_s, at_s)) = held {
+        format!("keeps one value for {held_s:.3} s from {at_s:.3} s on, while the joint moves")
+    } else if span(column) == 0.0 {
+        "keeps one value while the joint moves".to_owned()
+    } else {
+        return None;
+    };
+    let finding = Finding::warning(FindingKind::StuckSignal, what);
+    let remedy = "leave the values empty where the sensor gave none, or leave the column out";
+    Some(finding.at(joint).of(signal).remedy(remedy))
+}
+
+/// How long and from when on the column keeps a value, at longest, while the other one moves.
+fn longest_held(recording: &Recording, column: &[f64], other: &[f64]) -> Option<(f64, f64)> {
+    let travel = STUCK_TRAVEL * span(other);
+    let mut longest: Option<(f64, f64)> = None;
+    for rows in recording.segments() {
+        let same = |a: &f64, b: &f64| a == b;
+        let mut start = rows.start;
+        for held in column[rows].chunk_by(same) {
+            let end = start + held.len() - 1;
+            let (from_s, held_s) = (
+                recording.time_s[start],
+                recording.time_s[end] - recording.time_s[start],
+            );
+            let longer = longest.is_none_or(|(longest_s, _)| held_s > longest_s);
+            if held_s > STUCK_S && longer && span(&other[start..=end]) > travel {
+                longest = Some((held_s, from_s));
+            }
+            start = end + 1;
+        }
+    }
+    longest
+}
+
+/// Of these a constant value may be meant: no torque commanded in velocity mode, a constant speed, a steady gear.
+fn may_be_constant(signal: Signal) -> bool {
+    matches!(
+        signal,
+        Signal::CommandTorqueNm | Signal::ReferenceVelocityRadS | Signal::TemperatureC
+    )
+}

@@ -1,0 +1,279 @@
+//! Factors between signals that tell the same thing: wrong units, signs, gear sides and gear ratios.
+
+use super::meaning::{MEASURED, Meaning, TRACKED};
+use super::{CheckJoint, Finding, FindingKind, mapping_line, torque, values};
+use crate::statistics::line;
+use crate::{JointColumns, Recording, Signal};
+use std::ops::Range;
+
+/// Signals that tell the same thing follow a straight line as closely as this.
+pub(super) const SAME: f64 = 0.95;
+/// Time over which a velocity is taken from positions.
+const BLOCK_S: f64 = 0.1;
+const BLOCK_ROWS: usize = 5;
+
+/// Which of a joint's signals are off, and by what.
+pub(super) struct Scales {
+    /// Motor turns per joint turn: the robot file's, or what the encoders show.
+    pub(super) gear_ratio: Option<f64>,
+    /// Motor position over link position.
+    measured_ratio: Option<f64>,
+    positions: Vec<Wrong>,
+    /// Against their own positions.
+    velocities: Vec<Wrong>,
+    torques: Vec<Wrong>,
+}
+
+/// A signal that is off.
+pub(super) struct Wrong {
+    pub(super) signal: Signal,
+    pub(super) against: Signal,
+    pub(super) measured: f64,
+    pub(super) meaning: Meaning,
+}
+
+impl Scales {
+    /// Compares the joint's signals with each other.
+    pub(super) fn of(
+        recording: &Recording,
+        joint: &JointColumns,
+        robot: Option<&CheckJoint>,
+    ) -> Self {
+        let between = |x: Signal, y: Signal| slope(values(joint, x)?, values(joint, y)?, SAME);
+        let measured_ratio = between(Signal::LinkPositionRad, Signal::MotorPositionRad);
+        let gear_ratio = robot.map(|robot| robot.gear_ratio).or(measured_ratio);
+        let positions = wrong_positions(
+            gear_ratio,
+            measured_ratio
+                .zip(gear_ratio)
+                .map(|(seen, ratio)| seen / ratio),
+            between(Signal::ReferencePositionRad, Signal::LinkPositionRad),
+            // Without a robot file the ratio is what the encoders show, and holds the error that is looked for.
+            between(Signal::ReferencePositionRad, Signal::MotorPositionRad)
+                .zip(robot)
+                .map(|(seen, robot)| seen / robot.gear_ratio),
+        );
+        let mut scales = Self {
+            gear_ratio,
+            measured_ratio,
+            positions,
+            velocities: Vec::new(),
+            torques: Vec::new(),
+        };
+        scales.velocities = scales.wrong_velocities(recording, joint);
+        scales.torques = torque::wrong(recording, joint, &scales);
+        scales
+    }
+
+    /// What the signal must be divided by to be what its name says, as far as the data show.
+    pub(super) fn factor(&self, signal: Signal) -> f64 {
+        let factor = self
+            .all()
+            .filter(|wrong| wrong.signal == signal)
+            .map(|wrong| wrong.meaning.factor);
+        factor.product()
+    }
+
+    fn all(&self) -> impl Iterator<Item = &Wrong> {
+        self.positions
+            .iter()
+            .chain(&self.velocities)
+            .chain(&self.torques)
+    }
+
+    fn wrong_velocities(&self, recording: &Recording, joint: &JointColumns) -> Vec<Wrong> {
+        let pairs = [
+            (Signal::MotorVelocityRadS, Signal::MotorPositionRad),
+            (Signal::LinkVelocityRadS, Signal::LinkPositionRad),
+            (Signal::ReferenceVelocityRadS, Signal::ReferencePositionRad),
+        ];
+        let wrong = |(velocity, position): (Signal, Signal)| {
+            let (moved, integrated) = moves_and_integrals(
+                recording,
+                values(joint, position)?,
+                values(joint, velocity)?,
+            );
+            // A wrong gear ratio is none of the position itself, and does not spoil the velocity.
+            let unit: f64 = self
+                .positions
+                .iter()
+                .filter(|wrong| wrong.signal == position)
+                .filter(|wrong| wrong.meaning.kind != FindingKind::WrongScale)
+                .map(|wrong| wrong.meaning.factor)
+                .product();
+            let measured = slope(&moved, &integrated, SAME)? * unit;
+            is_off(measured).then(|| Wrong {
+                signal: velocity,
+                against: position,
+                measured,
+                meaning: Meaning::of(measured, self.gear_ratio, MEASURED),
+            })
+        };
+        pairs.into_iter().filter_map(wrong).collect()
+    }
+}
+
+/// The slope of `y` over `x` if they tell the same thing.
+pub(super) fn slope(x: &[f64], y: &[f64], correlation_min: f64) -> Option<f64> {
+    let line = line(x, y)?;
+    (line.correlation.abs() > correlation_min).then_some(line.slope)
+}
+
+fn is_off(factor: f64) -> bool {
+    (factor - 1.0).abs() > 2.0 * MEASURED
+}
+
+/// Which of three positions is off: the one that fits neither of the others. Of two, the measured one.
+fn wrong_positions(
+    gear_ratio: Option<f64>,
+    motor_over_link: Option<f64>,
+    link_over_reference: Option<f64>,
+    motor_over_reference: Option<f64>,
+) -> Vec<Wrong> {
+    use Signal::{LinkPositionRad, MotorPositionRad, ReferencePositionRad};
+    /// A real joint stays behind its reference, and a short swing of it is far from the same.
+    const TRACKING: Range<f64> = 0.6..1.6;
+    let off = |factor: Option<f64>| factor.filter(|factor| is_off(*factor));
+    let away = |factor: Option<f64>| factor.filter(|factor| !TRACKING.contains(factor));
+    let wrong = |signal, measured, against| {
+        let near = match against {
+            ReferencePositionRad => TRACKED,
+            _ => MEASURED,
+        };
+        vec![Wrong {
+            signal,
+            against,
+            measured,
+            meaning: Meaning::of(measured, gear_ratio, near),
+        }]
+    };
+    match (
+        off(motor_over_link),
+        away(link_over_reference),
+        away(motor_over_reference),
+    ) {
+        (_, Some(link), Some(motor)) if (link / motor - 1.0).abs() < 2.0 * MEASURED => {
+            wrong(ReferencePositionRad, 1.0 / link, LinkPositionRad)
+        }
+        (_, Some(link), None) => wrong(LinkPositionRad, link, ReferencePositionRad),
+        (_, None, Some(motor)) => wrong(MotorPositionRad, motor, ReferencePositionRad),
+        (_, Some(link), Some(motor)) => {
+            let mut both = wrong(LinkPositionRad, link, ReferencePositionRad);
+            both.extend(wrong(MotorPositionRad, motor, ReferencePositionRad));
+            both
+        }
+        (Some(motor), None, None) => wrong(MotorPositionRad, motor, LinkPositionRad),
+        (None, None, None) => Vec::new(),
+    }
+}
+
+/// Blocks of neighbouring rows of one trajectory, without gaps, over which a velocity can be told.
+pub(super) fn blocks(recording: &Recording) -> Vec<Range<usize>> {
+    let rows_per_block = ((BLOCK_S * recording.sample_rate_hz).ceil() as usize).max(BLOCK_ROWS);
+    let span_s = rows_per_block as f64 / recording.sample_rate_hz;
+    let mut blocks = Vec::new();
+    for rows in recording.segments() {
+        let mut start = rows.start;
+        while start + rows_per_block < rows.end {
+            let end = start + rows_per_block + 1;
+            let elapsed_s = recording.time_s[end - 1] - recording.time_s[start];
+            if elapsed_s > 0.0 && elapsed_s < 1.5 * span_s {
+                blocks.push(start..end);
+            }
+            start += rows_per_block;
+        }
+    }
+    blocks
+}
+
+/// Over each block, how far the position went and what the velocity sums up to.
+fn moves_and_integrals(
+    recording: &Recording,
+    position: &[f64],
+    velocity: &[f64],
+) -> (Vec<f64>, Vec<f64>) {
+    blocks(recording)
+        .into_iter()
+        .map(|rows| {
+            let trapezoids = rows.clone().skip(1).map(|row| {
+                let step_s = recording.time_s[row] - recording.time_s[row - 1];
+                0.5 * (velocity[row] + velocity[row - 1]) * step_s
+            });
+            let integral: f64 = trapezoids.sum();
+            (position[rows.end - 1] - position[rows.start], integral)
+        })
+        .unzip()
+}
+
+/// What the factors mean.
+pub(super) fn check(
+    joint: &JointColumns,
+    robot: Option<&CheckJoint>,
+    seen: &Scales,
+) -> Vec<Finding> {
+    let mut findings: Vec<Finding> = seen
+        .all()
+        .map(|wrong| explain(joint, robot, seen, wrong))
+        .collect();
+    findings.extend(torque::current_as_torque(joint, robot));
+    if seen.positions.is_empty() {
+        findings.extend(gear_ratio(joint, robot, seen));
+    }
+    findings
+}
+
+fn explain(
+    joint: &JointColumns,
+    robot: Option<&CheckJoint>,
+    seen: &Scales,
+    wrong: &Wrong,
+) -> Finding {
+    if let Some(current) = torque::explain(joint, robot, wrong) {
+        return current;
+    }
+    let Meaning { kind, text, factor } = &wrong.meaning;
+    if *kind == FindingKind::WrongScale && wrong.signal == Signal::MotorPositionRad {
+        return wrong_ratio(joint, factor * seen.gear_ratio.unwrap_or(1.0), seen);
+    }
+    let what = format!(
+        "{:.4} times what {} says: {text}",
+        wrong.measured, wrong.against
+    );
+    let remedy = format!("multiply its scale by {:.8}", 1.0 / factor);
+    Finding::error(*kind, what)
+        .at(joint)
+        .of(wrong.signal)
+        .decided_by(wrong.measured)
+        .remedy(mapping_line(joint, wrong.signal, &remedy))
+}
+
+/// The gear ratio from both encoders against the robot file's.
+fn gear_ratio(joint: &JointColumns, robot: Option<&CheckJoint>, seen: &Scales) -> Option<Finding> {
+    /// A soft gear's windup and an encoder's eccentricity change the ratio by less.
+    const RATIO_OFF: f64 = 0.01;
+    let measured = seen.measured_ratio?;
+    let Some(robot) = robot else {
+        let reversed = (measured < 0.0).then(|| {
+            let what = format!("turns against link_position_rad, {measured:.4} times as far");
+            let remedy = "multiply its scale by -1: positive is the same direction on both sides of the gear";
+            Finding::error(FindingKind::ReversedSign, what)
+                .decided_by(measured)
+                .remedy(mapping_line(joint, Signal::MotorPositionRad, remedy))
+        });
+        return reversed.map(|finding| finding.at(joint).of(Signal::MotorPositionRad));
+    };
+    let off = measured / robot.gear_ratio - 1.0;
+    (off.abs() > RATIO_OFF).then(|| wrong_ratio(joint, measured, seen))
+}
+
+fn wrong_ratio(joint: &JointColumns, measured: f64, seen: &Scales) -> Finding {
+    let told = seen.gear_ratio.unwrap_or(1.0);
+    let what = format!(
+        "the motor turns {measured:.4} times per joint turn, the gear_ratio told is {told:.4}"
+    );
+    Finding::error(FindingKind::WrongGearRatio, what)
+        .at(joint)
+        .of(Signal::MotorPositionRad)
+        .decided_by(measured)
+        .remedy("correct gear_ratio in the robot file, or the scale of one encoder in the mapping file; if the ratio is another joint's, the joints are swapped")
+}

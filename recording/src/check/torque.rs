@@ -1,0 +1,160 @@
+//! Torques: a current in their place, the other side of the gear, the wrong sign.
+
+use super::meaning::{MEASURED, Meaning, TRACKED};
+use super::scale::{SAME, Scales, Wrong, blocks, slope};
+use super::{CheckJoint, Finding, FindingKind, mapping_line, values};
+use crate::statistics::first_coefficient;
+use crate::{JointColumns, Recording, Signal};
+use nalgebra::SVector;
+use std::ops::Range;
+
+/// The measured torque against the commanded one, else its sign against the motion; then the joint's torque sensor.
+pub(super) fn wrong(recording: &Recording, joint: &JointColumns, seen: &Scales) -> Vec<Wrong> {
+    let motor = against_command(joint, seen).or_else(|| reversed_torque(recording, joint, seen));
+    let motor_sign = motor
+        .as_ref()
+        .filter(|wrong| wrong.signal == Signal::MotorTorqueNm)
+        .map_or(1.0, |wrong| wrong.measured.signum());
+    let sensor = reversed_sensor(joint, motor_sign);
+    motor.into_iter().chain(sensor).collect()
+}
+
+fn against_command(joint: &JointColumns, seen: &Scales) -> Option<Wrong> {
+    /// A drive's torque may be off by this much without being something else.
+    const HONEST: Range<f64> = 0.5..2.0;
+    const SIMILAR: f64 = 0.9;
+    let command = values(joint, Signal::CommandTorqueNm)?;
+    let measured = slope(command, values(joint, Signal::MotorTorqueNm)?, SIMILAR)?;
+    (!HONEST.contains(&measured)).then(|| Wrong {
+        signal: Signal::MotorTorqueNm,
+        against: Signal::CommandTorqueNm,
+        measured,
+        meaning: Meaning::of(measured, seen.gear_ratio, TRACKED),
+    })
+}
+
+fn reversed_sensor(joint: &JointColumns, motor_sign: f64) -> Option<Wrong> {
+    /// Friction and the rotor's inertia lie between the two sides of the gear.
+    const RELATED: f64 = 0.5;
+    let motor = values(joint, Signal::MotorTorqueNm)?;
+    let factor = slope(motor, values(joint, Signal::JointTorqueNm)?, RELATED)?;
+    (factor * motor_sign < 0.0).then(|| reversed(Signal::JointTorqueNm, Signal::MotorTorqueNm))
+}
+
+/// A torque whose friction drives the joint and whose work over the whole recording is negative: its sign, or that of
+/// the position, is reversed.
+fn reversed_torque(recording: &Recording, joint: &JointColumns, seen: &Scales) -> Option<Wrong> {
+    /// Standard errors. Neighbouring blocks are not independent, so far above the usual.
+    const CERTAIN: f64 = 8.0;
+    const BLOCKS_MIN: usize = 50;
+    let torque_signal = [Signal::MotorTorqueNm, Signal::CommandTorqueNm]
+        .into_iter()
+        .find(|signal| values(joint, *signal).is_some())?;
+    let (position_signal, position) = super::measured_position(joint)?;
+    let sign = (seen.factor(position_signal) * seen.gear_ratio.unwrap_or(1.0)).signum();
+    let joint_side = match position_signal {
+        Signal::MotorPositionRad => seen.factor(position_signal) * seen.gear_ratio?,
+        _ => seen.factor(position_signal),
+    };
+    let torque = values(joint, torque_signal)?;
+    let blocks = blocks(recording);
+    let velocity = |rows: &Range<usize>| {
+        let elapsed_s = recording.time_s[rows.end - 1] - recording.time_s[rows.start];
+        sign * (position[rows.end - 1] - position[rows.start]) / elapsed_s
+    };
+    let mut rows = Vec::new();
+    let mut work_nm_rad = 0.0;
+    for pair in blocks
+        .windows(2)
+        .filter(|pair| pair[0].end == pair[1].start + 1)
+    {
+        let (before, after) = (velocity(&pair[0]), velocity(&pair[1]));
+        let both = pair[0].start..pair[1].end;
+        let mean_torque = torque[both.clone()].iter().sum::<f64>() / both.len() as f64;
+        let angle = position[pair[0].end - 1] / joint_side;
+        let speed = 0.5 * (before + after);
+        let row = [
+            speed.signum(),
+            speed,
+            after - before,
+            1.0,
+            angle.sin(),
+            angle.cos(),
+        ];
+        if before * after > 0.0 && mean_torque.is_finite() && row.iter().all(|x| x.is_finite()) {
+            work_nm_rad += mean_torque * speed;
+            rows.push((SVector::from(row), mean_torque));
+        }
+    }
+    let (friction_nm, error_nm) = first_coefficient::<6>(&rows)?;
+    let is_reversed =
+        rows.len() >= BLOCKS_MIN && work_nm_rad < 0.0 && friction_nm < -CERTAIN * error_nm;
+    is_reversed.then(|| reversed(torque_signal, position_signal))
+}
+
+fn reversed(signal: Signal, against: Signal) -> Wrong {
+    Wrong {
+        signal,
+        against,
+        measured: -1.0,
+        meaning: Meaning::of(-1.0, None, MEASURED),
+    }
+}
+
+/// What is wrong with a torque in other words than a factor's, if there are better ones.
+pub(super) fn explain(
+    joint: &JointColumns,
+    robot: Option<&CheckJoint>,
+    wrong: &Wrong,
+) -> Option<Finding> {
+    let Wrong {
+        signal,
+        against,
+        measured,
+        ..
+    } = wrong;
+    let constant_nm_a = robot.and_then(|robot| robot.torque_constant_nm_a);
+    if let (Some(constant_nm_a), Signal::CommandTorqueNm) = (constant_nm_a, against)
+        && is_near(measured * constant_nm_a, 1.0)
+    {
+        return Some(current(joint, constant_nm_a, *measured));
+    }
+    let told_by_motion = matches!(against, Signal::MotorPositionRad | Signal::LinkPositionRad);
+    let is_torque = matches!(signal, Signal::MotorTorqueNm | Signal::CommandTorqueNm);
+    (told_by_motion && is_torque).then(|| {
+        let what = format!("reversed: friction would drive the joint and the work done is negative, against {against}");
+        Finding::error(FindingKind::ReversedSign, what)
+            .at(joint)
+            .of(*signal)
+            .decided_by(*measured)
+            .remedy(mapping_line(joint, *signal, "multiply its scale by -1"))
+    })
+}
+
+fn is_near(a: f64, b: f64) -> bool {
+    (a / b - 1.0).abs() < TRACKED
+}
+
+/// A motor torque that is the motor's current, seen where both are recorded.
+pub(super) fn current_as_torque(
+    joint: &JointColumns,
+    robot: Option<&CheckJoint>,
+) -> Option<Finding> {
+    let constant_nm_a = robot?.torque_constant_nm_a?;
+    let torque = values(joint, Signal::MotorTorqueNm)?;
+    let current_a = values(joint, Signal::MotorCurrentA)?;
+    let seen_nm_a = slope(current_a, torque, SAME)?;
+    let is_current = is_near(seen_nm_a, 1.0) && !is_near(constant_nm_a, 1.0);
+    is_current.then(|| current(joint, constant_nm_a, seen_nm_a))
+}
+
+fn current(joint: &JointColumns, constant_nm_a: f64, factor: f64) -> Finding {
+    let what = "holds the motor's current, not its torque".to_owned();
+    let remedy =
+        format!("multiply its scale by {constant_nm_a}, the robot file's torque_constant_nm_a");
+    Finding::error(FindingKind::CurrentAsTorque, what)
+        .at(joint)
+        .of(Signal::MotorTorqueNm)
+        .decided_by(factor)
+        .remedy(mapping_line(joint, Signal::MotorTorqueNm, &remedy))
+}

@@ -1,0 +1,366 @@
+//! Parquet logs: the same columns and mapping file as CSV, nulls for values that are not there.
+//!
+//! Lengths and counts in the file are not believed before a table of that size was found fit to be held in memory.
+
+use crate::builder::TableBuilder;
+use crate::columns::{Cells, Plan, whole};
+use crate::error::Place;
+use crate::guard::without_panic;
+use crate::mapping::Mapping;
+use crate::writer::{METADATA_JOINTS, told_rate_hz};
+use crate::{JOINTS_MAX, ReadProblem, Recording, VALUES_MAX};
+use parquet::basic::{Compression, ConvertedType, LogicalType, TimeUnit, Type};
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::data_type::DataType;
+use parquet::errors::ParquetError;
+use parquet::file::metadata::ParquetMetaData;
+use parquet::file::reader::{FileReader, RowGroupReader};
+use parquet::file::serialized_reader::SerializedFileReader;
+use parquet::schema::types::ColumnDescriptor;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::Path;
+
+/// What a Parquet file begins and ends with.
+pub(crate) const MAGIC: &[u8] = b"PAR1";
+/// Rows decoded at once.
+const BATCH: usize = 1 << 14;
+
+/// The table of a Parquet file.
+pub(crate) fn read_table(
+    path: &Path,
+    mapping: &Mapping,
+    mapping_path: &Path,
+) -> Result<Recording, ReadProblem> {
+    // The decoders check what a writer could do wrong, and panic at what only damage does.
+    without_panic(|| decode_table(path, mapping, mapping_path))
+        .unwrap_or_else(|what| Err(ReadProblem::Parquet(what)))
+}
+
+fn decode_table(
+    path: &Path,
+    mapping: &Mapping,
+    mapping_path: &Path,
+) -> Result<Recording, ReadProblem> {
+    let file = SerializedFileReader::new(File::open(path)?)?;
+    let metadata = file.metadata();
+    let descriptors = metadata.file_metadata().schema_descr().columns();
+    let names = descriptors.iter().map(|column| column.path().string());
+    let plan = Plan::new(names.collect(), mapping, mapping_path)?;
+    check_size(metadata, plan.fields().count())?;
+    let about_the_run = about_the_run(metadata);
+    let mut table = TableBuilder::default();
+    expect_joints(&mut table, &about_the_run)?;
+    plan.name_joints(&mut table);
+    for group in 0..file.num_row_groups() {
+        add_row_group(&plan, &mut table, &*file.get_row_group(group)?)?;
+    }
+    let rate_hz = mapping
+        .sample_rate_hz
+        .or_else(|| told_rate_hz(&about_the_run));
+    let mut recording = table.finish(rate_hz, || mapping_path.to_owned())?;
+    recording.metadata = about_the_run;
+    Ok(recording)
+}
+
+/// The file's own metadata, without what other programs keep there for themselves.
+fn about_the_run(metadata: &ParquetMetaData) -> BTreeMap<String, String> {
+    let pairs = metadata.file_metadata().key_value_metadata();
+    let told = pairs.into_iter().flatten().filter_map(|pair| {
+        let key = pair.key.strip_prefix(KEY_PREFIX)?;
+        Some((key.to_owned(), pair.value.clone()?))
+    });
+    told.collect()
+}
+
+/// Before the keys of what is told about the run.
+pub(crate) const KEY_PREFIX: &str = "flexspline.";
+
+/// A joint without a single value has no column, and is told here only.
+fn expect_joints(
+    table: &mut TableBuilder,
+    about_the_run: &BTreeMap<String, String>,
+) -> Result<(), ReadProblem> {
+    let names = about_the_run.get(METADATA_JOINTS).map(String::as_str);
+    let names = names.unwrap_or_default().split(',');
+    for (index, name) in names.filter(|name| !name.is_empty()).enumerate() {
+        if index == JOINTS_MAX {
+            return Err(ReadProblem::TooManyJoints { joints: index + 1 });
+        }
+        table.joint(name);
+    }
+    Ok(())
+}
+
+fn check_size(metadata: &ParquetMetaData, columns: usize) -> Result<(), ReadProblem> {
+    let told_columns = metadata.file_metadata().schema_descr().num_columns();
+    if let Some(group) = metadata
+        .row_groups()
+        .iter()
+        .find(|group| group.num_columns() != told_columns)
+    {
+        let what = format!(
+            "a row group holds {} columns, the whole file {told_columns}",
+            group.num_columns()
+        );
+        return Err(ReadProblem::Parquet(what));
+    }
+    let told = metadata.file_metadata().num_rows();
+    let groups = metadata.row_groups().iter().map(|group| group.num_rows());
+    let rows = groups.fold(0_i64, |rows, group| rows.saturating_add(group.max(0)));
+    if rows != told {
+        let what = format!("its row groups hold {rows} rows, the whole file {told}");
+        return Err(ReadProblem::Parquet(what));
+    }
+    let fits = usize::try_from(rows)
+        .ok()
+        .and_then(|rows| rows.checked_mul(columns))
+        .is_some_and(|values| values <= VALUES_MAX);
+    if fits {
+        Ok(())
+    } else {
+        Err(ReadProblem::TooLarge { rows, columns })
+    }
+}
+
+fn add_row_group(
+    plan: &Plan,
+    table: &mut TableBuilder,
+    group: &dyn RowGroupReader,
+) -> Result<(), ReadProblem> {
+    let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
+    let mut columns: Vec<Option<Column>> = Vec::new();
+    columns.resize_with(group.num_columns(), || None);
+    for field in plan.fields() {
+        if columns[field].is_none() {
+            columns[field] = Some(Column::read(group, field, rows)?);
+        }
+    }
+    let first_row = table.rows();
+    for row in 0..rows {
+        let cells = Row {
+            columns: &columns,
+            row,
+            place: Place::Row((first_row + row + 1) as u64),
+        };
+        plan.add_row(table, &cells)?;
+    }
+    Ok(())
+}
+
+/// One column of a row group.
+struct Column {
+    name: String,
+    values: Values,
+}
+
+enum Values {
+    Numbers(Vec<f64>),
+    Integers(Vec<Option<i64>>),
+}
+
+impl Column {
+    fn read(group: &dyn RowGroupReader, field: usize, rows: usize) -> Result<Self, ReadProblem> {
+        let chunk = group.metadata().column(field);
+        let descriptor = chunk.column_descr();
+        check_compression(chunk.compression())?;
+        let wrong_type = || ReadProblem::ColumnType {
+            column: descriptor.path().string(),
+            found: found(descriptor),
+        };
+        if descriptor.max_rep_level() > 0 {
+            return Err(wrong_type());
+        }
+        let reader = group.get_column_reader(field)?;
+        let values = match (reader, Meaning::of(descriptor)) {
+            (ColumnReader::DoubleColumnReader(reader), Meaning::Number) => {
+                let number = |value: &f64| *value;
+                Values::Numbers(decode(reader, descriptor, rows, &f64::NAN, number)?)
+            }
+            (ColumnReader::FloatColumnReader(reader), Meaning::Number) => {
+                let number = |value: &f32| f64::from(*value);
+                Values::Numbers(decode(reader, descriptor, rows, &f64::NAN, number)?)
+            }
+            (ColumnReader::Int64ColumnReader(reader), Meaning::Instant { units_per_s }) => {
+                // Whole seconds apart: nanoseconds since 1970 are more than a number can hold exactly.
+                let seconds = |value: &i64| {
+                    let part = value.rem_euclid(units_per_s) as f64 / units_per_s as f64;
+                    value.div_euclid(units_per_s) as f64 + part
+                };
+                Values::Numbers(decode(reader, descriptor, rows, &f64::NAN, seconds)?)
+            }
+            (ColumnReader::Int64ColumnReader(reader), Meaning::Number) => {
+                let integer = |value: &i64| Some(*value);
+                Values::Integers(decode(reader, descriptor, rows, &None, integer)?)
+            }
+            (ColumnReader::Int32ColumnReader(reader), Meaning::Number) => {
+                let unsigned = descriptor.converted_type() == ConvertedType::UINT_32;
+                let integer = |value: &i32| {
+                    Some(match unsigned {
+                        true => i64::from(value.cast_unsigned()),
+                        false => i64::from(*value),
+                    })
+                };
+                Values::Integers(decode(reader, descriptor, rows, &None, integer)?)
+            }
+            _ => return Err(wrong_type()),
+        };
+        let name = descriptor.path().string();
+        Ok(Self { name, values })
+    }
+}
+
+/// What the numbers of a column stand for.
+enum Meaning {
+    Number,
+    Instant { units_per_s: i64 },
+    Other,
+}
+
+impl Meaning {
+    fn of(descriptor: &ColumnDescriptor) -> Self {
+        match descriptor.logical_type_ref() {
+            Some(LogicalType::Timestamp(stamp)) => Self::Instant {
+                units_per_s: match stamp.unit {
+                    TimeUnit::MILLIS => 1_000,
+                    TimeUnit::MICROS => 1_000_000,
+                    TimeUnit::NANOS => 1_000_000_000,
+                },
+            },
+            Some(LogicalType::Integer(_)) => Self::Number,
+            Some(_) => Self::Other,
+            None => Self::of_old(descriptor.converted_type()),
+        }
+    }
+
+    /// What files from before the logical types say.
+    fn of_old(converted: ConvertedType) -> Self {
+        match converted {
+            ConvertedType::TIMESTAMP_MILLIS => Self::Instant { units_per_s: 1_000 },
+            ConvertedType::TIMESTAMP_MICROS => Self::Instant {
+                units_per_s: 1_000_000,
+            },
+            ConvertedType::DECIMAL
+            | ConvertedType::DATE
+            | ConvertedType::TIME_MILLIS
+            | ConvertedType::TIME_MICROS => Self::Other,
+            _ => Self::Number,
+        }
+    }
+}
+
+fn found(descriptor: &ColumnDescriptor) -> String {
+    let physical = descriptor.physical_type();
+    let list = if descriptor.max_rep_level() > 0 {
+        "lists of "
+    } else {
+        ""
+    };
+    match (physical, descriptor.logical_type_ref()) {
+        (Type::BYTE_ARRAY, Some(LogicalType::String)) => format!("{list}text"),
+        (Type::INT96, _) => format!("{list}INT96 time stamps"),
+        (physical, Some(logical)) => format!("{list}{physical} ({logical:?})"),
+        (physical, None) => format!("{list}{physical}"),
+    }
+}
+
+fn check_compression(compression: Compression) -> Result<(), ReadProblem> {
+    match compression {
+        Compression::UNCOMPRESSED | Compression::SNAPPY | Compression::ZSTD(_) => Ok(()),
+        other => Err(ReadProblem::UnknownCompression {
+            compression: name(other),
+            known: "snappy, zstd",
+        }),
+    }
+}
+
+/// Without the level that it was compressed with.
+fn name(compression: Compression) -> String {
+    let text = compression.to_string().to_lowercase();
+    text.split('(').next().unwrap_or_default().to_owned()
+}
+
+/// The values of one column of a row group; `missing` where there is a null.
+fn decode<T: DataType, V: Clone>(
+    mut reader: ColumnReaderImpl<T>,
+    descriptor: &ColumnDescriptor,
+    rows: usize,
+    missing: &V,
+    convert: impl Fn(&T::T) -> V,
+) -> Result<Vec<V>, ReadProblem> {
+    let full_level = descriptor.max_def_level();
+    let (mut decoded, mut values, mut levels) = (Vec::new(), Vec::new(), Vec::new());
+    while decoded.len() < rows {
+        values.clear();
+        levels.clear();
+        let wanted = BATCH.min(rows - decoded.len());
+        let (read, _, _) = reader.read_records(wanted, Some(&mut levels), None, &mut values)?;
+        if read == 0 {
+            let what = format!("a column ends after {} of {rows} rows", decoded.len());
+            return Err(ReadProblem::Parquet(what));
+        }
+        if full_level == 0 {
+            decoded.extend(values.iter().map(&convert));
+            continue;
+        }
+        let mut there = values.iter();
+        decoded.extend(levels.iter().map(|level| {
+            let value = (*level == full_level).then(|| there.next()).flatten();
+            value.map_or_else(|| missing.clone(), &convert)
+        }));
+    }
+    Ok(decoded)
+}
+
+/// One row of a row group.
+struct Row<'a> {
+    columns: &'a [Option<Column>],
+    row: usize,
+    place: Place,
+}
+
+impl Cells for Row<'_> {
+    fn place(&self) -> Place {
+        self.place
+    }
+
+    fn number(&self, field: usize) -> Result<f64, ReadProblem> {
+        Ok(
+            match self.columns[field].as_ref().map(|column| &column.values) {
+                Some(Values::Numbers(numbers)) => numbers[self.row],
+                Some(Values::Integers(integers)) => {
+                    integers[self.row].map_or(f64::NAN, |value| value as f64)
+                }
+                None => f64::NAN,
+            },
+        )
+    }
+
+    fn integer(&self, field: usize) -> Result<Option<i64>, ReadProblem> {
+        let Some(column) = &self.columns[field] else {
+            return Ok(None);
+        };
+        match &column.values {
+            Values::Integers(integers) => Ok(integers[self.row]),
+            Values::Numbers(numbers) if numbers[self.row].is_nan() => Ok(None),
+            Values::Numbers(numbers) => {
+                let value = numbers[self.row];
+                let problem = || ReadProblem::NotAnInteger {
+                    place: self.place,
+                    column: column.name.clone(),
+                    cell: value.to_string(),
+                };
+                whole(value).ok_or_else(problem).map(Some)
+            }
+        }
+    }
+}
+
+impl From<ParquetError> for ReadProblem {
+    fn from(error: ParquetError) -> Self {
+        let text = error.to_string();
+        let text = text.strip_prefix("Parquet error: ").unwrap_or(&text);
+        // One line, whatever the library says.
+        Self::Parquet(text.split_whitespace().collect::<Vec<_>>().join(" "))
+    }
+}

@@ -1,0 +1,560 @@
+//! Recordings with one thing wrong each: it is found, named, and nothing else is.
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use proptest::prelude::*;
+use recording::{
+    CheckJoint, CheckRobot, Finding, FindingKind, JointColumns, Recording, Severity, Signal, check,
+    describe,
+};
+use std::collections::BTreeMap;
+
+const RATE_HZ: f64 = 500.0;
+const ROWS: usize = 10_000;
+const DEGREES: f64 = 180.0 / std::f64::consts::PI;
+
+/// Gear ratio, phase, and how the joint swings.
+const JOINTS: [(&str, f64, f64); 3] = [("a", 50.0, 0.0), ("b", 100.0, 1.0), ("c", 101.0, 2.5)];
+const MOTOR_STEP_RAD: f64 = 1.534e-3;
+const LINK_STEP_RAD: f64 = 1.198e-5;
+const TORQUE_CONSTANT_NM_A: f64 = 0.25;
+
+fn noise(row: usize, salt: usize) -> f64 {
+    let mut state = (row * 31 + salt * 7919 + 1) as u64;
+    for _ in 0..3 {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+    }
+    (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+}
+
+/// Inertia, friction, gravity and a soft gear, two encoders, everything measured.
+fn joint(index: usize) -> JointColumns {
+    let (name, ratio, phase) = JOINTS[index];
+    let mut signals: BTreeMap<Signal, Vec<f64>> = BTreeMap::new();
+    let (slow, fast) = (0.7 + 0.13 * index as f64, 2.1 + 0.4 * index as f64);
+    for row in 0..ROWS {
+        let t = row as f64 / RATE_HZ;
+        let q = 0.6 * (slow * t + phase).sin() + 0.1 * (fast * t).sin();
+        let v = 0.6 * slow * (slow * t + phase).cos() + 0.1 * fast * (fast * t).cos();
+        let a =
+            -0.6 * slow * slow * (slow * t + phase).sin() - 0.1 * fast * fast * (fast * t).sin();
+        let load = 2.0 * a + 8.0 * (q + 0.3).sin();
+        let friction = 3.0 * (v / 0.01).tanh() + 1.0 * v;
+        let joint_torque = load + 0.05 * noise(row, index);
+        let motor_torque = (load + friction) / ratio + 1e-3 * noise(row, index + 10);
+        let torsion = load / 2e4;
+        let count = |value: f64, step: f64| (value / step).round() * step;
+        let values = [
+            (Signal::ReferencePositionRad, q + 0.002 * (3.0 * t).sin()),
+            (Signal::ReferenceVelocityRadS, v + 0.006 * (3.0 * t).cos()),
+            (
+                Signal::CommandTorqueNm,
+                motor_torque + 1e-3 * noise(row, index + 20),
+            ),
+            (Signal::MotorTorqueNm, motor_torque),
+            (
+                Signal::MotorPositionRad,
+                count(ratio * (q + torsion), MOTOR_STEP_RAD),
+            ),
+            (
+                Signal::MotorVelocityRadS,
+                ratio * v + 0.1 * noise(row, index + 30),
+            ),
+            (Signal::LinkPositionRad, count(q, LINK_STEP_RAD)),
+            (Signal::LinkVelocityRadS, v + 1e-3 * noise(row, index + 40)),
+            (Signal::JointTorqueNm, joint_torque),
+            (Signal::MotorCurrentA, motor_torque / TORQUE_CONSTANT_NM_A),
+        ];
+        for (signal, value) in values {
+            signals.entry(signal).or_default().push(value);
+        }
+    }
+    JointColumns {
+        name: name.to_owned(),
+        signals,
+    }
+}
+
+fn whole() -> Recording {
+    Recording {
+        time_s: (0..ROWS).map(|row| row as f64 / RATE_HZ).collect(),
+        segment: None,
+        joints: (0..JOINTS.len()).map(joint).collect(),
+        sample_rate_hz: RATE_HZ,
+        metadata: BTreeMap::new(),
+        truncated: false,
+    }
+}
+
+fn robot() -> CheckRobot {
+    let joint = |(name, gear_ratio, _): (&str, f64, f64)| CheckJoint {
+        name: name.to_owned(),
+        gear_ratio,
+        position_limit_rad: Some([-1.0, 1.0]),
+        velocity_limit_rad_s: Some(1.5),
+        torque_limit_nm: Some(0.3),
+        torque_constant_nm_a: Some(TORQUE_CONSTANT_NM_A),
+        motor_encoder_resolution_rad: Some(MOTOR_STEP_RAD),
+        link_encoder_resolution_rad: Some(LINK_STEP_RAD),
+    };
+    CheckRobot {
+        name: "bench".to_owned(),
+        joints: JOINTS.map(joint).to_vec(),
+    }
+}
+
+fn column(recording: &mut Recording, joint: usize, signal: Signal) -> &mut Vec<f64> {
+    recording.joints[joint].signals.get_mut(&signal).unwrap()
+}
+
+fn scale(recording: &mut Recording, joint: usize, signal: Signal, factor: f64) {
+    column(recording, joint, signal)
+        .iter_mut()
+        .for_each(|value| *value *= factor);
+}
+
+/// Warnings and errors.
+fn serious(findings: Vec<Finding>) -> Vec<Finding> {
+    let mut findings = findings;
+    findings.retain(|finding| finding.severity > Severity::Note);
+    findings
+}
+
+/// The only serious finding, which every mapping of that kind must give.
+fn only(recording: &Recording, robot: Option<&CheckRobot>) -> Finding {
+    let mut found = serious(check(recording, robot));
+    assert_eq!(found.len(), 1, "{found:#?}");
+    found.remove(0)
+}
+
+#[test]
+fn a_whole_recording_has_no_findings() {
+    assert_eq!(check(&whole(), None), []);
+    assert_eq!(check(&whole(), Some(&robot())), []);
+}
+
+#[test]
+fn a_factor_is_named_with_the_signal_the_joint_and_what_undoes_it() {
+    use FindingKind::{ReversedSign, WrongSide, WrongUnit};
+    use Signal::*;
+    let cases = [
+        (MotorPositionRad, DEGREES, WrongUnit),
+        (MotorPositionRad, -1.0, ReversedSign),
+        (MotorPositionRad, 0.01, WrongSide),
+        (MotorPositionRad, 1.0 / std::f64::consts::TAU, WrongUnit),
+        (LinkPositionRad, DEGREES, WrongUnit),
+        (LinkPositionRad, -1.0, ReversedSign),
+        (LinkPositionRad, 100.0, WrongSide),
+        (ReferencePositionRad, DEGREES, WrongUnit),
+        (ReferencePositionRad, -1.0, ReversedSign),
+        (MotorVelocityRadS, 60.0 / std::f64::consts::TAU, WrongUnit),
+        (MotorVelocityRadS, 0.01, WrongSide),
+        (LinkVelocityRadS, -DEGREES, WrongUnit),
+        (LinkVelocityRadS, -1.0, ReversedSign),
+        (ReferenceVelocityRadS, DEGREES, WrongUnit),
+        (MotorTorqueNm, -1.0, ReversedSign),
+        (JointTorqueNm, -1.0, ReversedSign),
+    ];
+    for (signal, factor, kind) in cases {
+        let mut recording = whole();
+        scale(&mut recording, 1, signal, factor);
+        let findings = serious(check(&recording, Some(&robot())));
+        let Some(first) = findings.first() else {
+            panic!("{signal} times {factor}: nothing found")
+        };
+        assert_eq!(
+            (first.kind, first.signal, first.joint.as_deref()),
+            (kind, Some(signal), Some("b")),
+            "{signal} times {factor}: {findings:#?}"
+        );
+        assert!(
+            first.remedy.contains(&format!("[joint.b], {signal}")),
+            "{first}"
+        );
+        assert!(
+            (first.value.unwrap() / factor - 1.0).abs() < 0.02,
+            "{first}"
+        );
+        let others = findings.iter().filter(|other| other.signal != Some(signal));
+        assert_eq!(others.count(), 0, "{findings:#?}");
+        // Without a robot file it may be another signal that is named, but none of another joint.
+        let findings = serious(check(&recording, None));
+        assert!(!findings.is_empty(), "{signal} times {factor}");
+        assert!(
+            findings
+                .iter()
+                .all(|other| other.joint.as_deref() == Some("b")),
+            "{findings:#?}"
+        );
+    }
+}
+
+#[test]
+fn a_reversed_torque_is_told_by_friction_and_work() {
+    for signals in [
+        &[
+            Signal::MotorTorqueNm,
+            Signal::CommandTorqueNm,
+            Signal::MotorCurrentA,
+        ][..],
+        &[Signal::MotorTorqueNm],
+    ] {
+        for index in 0..JOINTS.len() {
+            let mut recording = whole();
+            for signal in signals {
+                scale(&mut recording, index, *signal, -1.0);
+            }
+            let finding = &serious(check(&recording, Some(&robot())))[0];
+            assert_eq!(
+                (finding.kind, finding.signal),
+                (FindingKind::ReversedSign, Some(Signal::MotorTorqueNm)),
+                "{finding}"
+            );
+        }
+    }
+}
+
+#[test]
+fn angles_all_in_degrees_are_told_by_the_robot_file() {
+    let mut recording = whole();
+    for joint in 0..JOINTS.len() {
+        for signal in Signal::ALL
+            .into_iter()
+            .filter(|signal| signal.name().contains("_rad"))
+        {
+            scale(&mut recording, joint, signal, DEGREES);
+        }
+    }
+    let findings = serious(check(&recording, Some(&robot())));
+    for (name, ..) in JOINTS {
+        let first = findings
+            .iter()
+            .find(|finding| finding.joint.as_deref() == Some(name))
+            .unwrap();
+        assert_eq!(
+            (first.severity, first.kind),
+            (Severity::Error, FindingKind::WrongUnit),
+            "{first}"
+        );
+    }
+}
+
+#[test]
+fn a_gear_ratio_off_is_an_error_with_both_numbers() {
+    for factor in [1.02, 0.5, 1.6] {
+        let mut robot = robot();
+        robot.joints[1].gear_ratio = 100.0 / factor;
+        let mut recording = whole();
+        recording.joints[1]
+            .signals
+            .remove(&Signal::ReferencePositionRad);
+        robot.joints[1].motor_encoder_resolution_rad = None;
+        robot.joints[1].velocity_limit_rad_s = None;
+        let finding = only(&recording, Some(&robot));
+        assert_eq!(finding.kind, FindingKind::WrongGearRatio, "{finding}");
+        assert!((finding.value.unwrap() - 100.0).abs() < 0.3, "{finding}");
+    }
+}
+
+#[test]
+fn swapped_joints_are_named() {
+    let mut recording = whole();
+    let [a, b, _] = &mut recording.joints[..] else {
+        panic!("three joints")
+    };
+    for signal in [Signal::MotorPositionRad, Signal::MotorVelocityRadS] {
+        let (of_a, of_b) = (
+            a.signals.get_mut(&signal).unwrap(),
+            b.signals.get_mut(&signal).unwrap(),
+        );
+        std::mem::swap(of_a, of_b);
+    }
+    let findings = serious(check(&recording, None));
+    let swapped: Vec<_> = findings
+        .iter()
+        .filter(|finding| finding.kind == FindingKind::SwappedJoints)
+        .collect();
+    assert_eq!(swapped.len(), 1, "{findings:#?}");
+    assert!(
+        swapped[0]
+            .to_string()
+            .contains("exchange the columns with those of [joint.b]"),
+        "{}",
+        swapped[0]
+    );
+    assert_eq!(swapped[0].signal, Some(Signal::MotorPositionRad));
+}
+
+#[test]
+fn a_joint_the_robot_does_not_have_and_one_the_recording_lacks() {
+    let mut recording = whole();
+    recording.joints[2].name = "cc".to_owned();
+    let findings = serious(check(&recording, Some(&robot())));
+    let kinds: Vec<_> = findings
+        .iter()
+        .map(|finding| (finding.kind, finding.joint.as_deref().unwrap()))
+        .collect();
+    assert_eq!(
+        kinds,
+        [
+            (FindingKind::UnknownJoint, "cc"),
+            (FindingKind::MissingJoint, "c")
+        ]
+    );
+    assert!(
+        findings[0].remedy.contains("perhaps [joint.c]"),
+        "{}",
+        findings[0]
+    );
+}
+
+#[test]
+fn a_current_or_a_joint_torque_in_place_of_the_motor_torque() {
+    let mut recording = whole();
+    scale(
+        &mut recording,
+        0,
+        Signal::MotorTorqueNm,
+        1.0 / TORQUE_CONSTANT_NM_A,
+    );
+    assert_eq!(
+        serious(check(&recording, Some(&robot())))[0].kind,
+        FindingKind::CurrentAsTorque
+    );
+    recording.joints[0].signals.remove(&Signal::MotorCurrentA);
+    assert_eq!(
+        serious(check(&recording, Some(&robot())))[0].kind,
+        FindingKind::CurrentAsTorque
+    );
+    recording.joints[0].signals.remove(&Signal::CommandTorqueNm);
+    let finding = only(&recording, Some(&robot()));
+    assert_eq!(finding.kind, FindingKind::BeyondLimit);
+    assert!(
+        finding.remedy.contains("0.25 if it is the current"),
+        "{finding}"
+    );
+    let mut recording = whole();
+    scale(&mut recording, 0, Signal::MotorTorqueNm, 50.0);
+    assert_eq!(
+        serious(check(&recording, Some(&robot())))[0].kind,
+        FindingKind::WrongSide
+    );
+}
+
+#[test]
+fn positions_beyond_the_limits_are_told_with_them() {
+    let mut recording = whole();
+    for signal in [Signal::LinkPositionRad, Signal::ReferencePositionRad] {
+        column(&mut recording, 0, signal)
+            .iter_mut()
+            .for_each(|value| *value += 1.0);
+    }
+    column(&mut recording, 0, Signal::MotorPositionRad)
+        .iter_mut()
+        .for_each(|value| *value += 50.0);
+    let finding = only(&recording, Some(&robot()));
+    assert_eq!(
+        (finding.kind, finding.severity),
+        (FindingKind::BeyondLimit, Severity::Warning),
+        "{finding}"
+    );
+}
+
+#[test]
+fn time_that_is_not_regular_is_described() {
+    let mut recording = whole();
+    recording
+        .time_s
+        .iter_mut()
+        .skip(5000)
+        .for_each(|time_s| *time_s += 2.0);
+    let finding = only(&recording, None);
+    assert_eq!(finding.kind, FindingKind::Gaps);
+    assert!(finding.what.contains("room for 1000 rows"), "{finding}");
+    assert!(finding.what.contains("2.0020 s at 9.9980 s"), "{finding}");
+
+    let mut recording = whole();
+    recording.sample_rate_hz = 1000.0;
+    let kinds: Vec<_> = check(&recording, None)
+        .iter()
+        .map(|finding| finding.kind)
+        .collect();
+    assert!(kinds.contains(&FindingKind::RateOff), "{kinds:?}");
+
+    let mut recording = whole();
+    for row in 1..ROWS {
+        recording.time_s[row] += 0.4e-3 * 2.0 * noise(row, 5);
+    }
+    assert_eq!(only(&recording, None).kind, FindingKind::Jitter);
+    let timing = describe(&recording).timing;
+    assert!(
+        (timing.jitter_std_s / (0.8e-3 / 6_f64.sqrt()) - 1.0).abs() < 0.1,
+        "{timing:?}"
+    );
+
+    let mut recording = whole();
+    recording.time_s[77] = recording.time_s[76];
+    let kinds: Vec<_> = check(&recording, None)
+        .iter()
+        .map(|finding| finding.kind)
+        .collect();
+    assert!(kinds.contains(&FindingKind::RepeatedTimes), "{kinds:?}");
+}
+
+#[test]
+fn signals_that_stay_or_are_missing_are_named() {
+    let mut recording = whole();
+    let stuck = column(&mut recording, 1, Signal::MotorPositionRad);
+    let held = stuck[4000];
+    stuck[4000..4400].fill(held);
+    let finding = only(&recording, None);
+    assert_eq!(
+        (finding.kind, finding.signal),
+        (FindingKind::StuckSignal, Some(Signal::MotorPositionRad))
+    );
+    assert!(finding.what.contains("0.798 s from 8.000 s"), "{finding}");
+
+    let mut recording = whole();
+    column(&mut recording, 1, Signal::JointTorqueNm).fill(0.0);
+    let finding = only(&recording, None);
+    assert_eq!(
+        (finding.kind, finding.signal),
+        (FindingKind::StuckSignal, Some(Signal::JointTorqueNm))
+    );
+
+    let mut recording = whole();
+    column(&mut recording, 1, Signal::JointTorqueNm)[..2000].fill(f64::NAN);
+    let finding = only(&recording, None);
+    assert_eq!(
+        (finding.kind, finding.value),
+        (FindingKind::MissingValues, Some(0.2))
+    );
+}
+
+#[test]
+fn a_joint_that_stands_or_goes_one_way_at_one_speed_is_named() {
+    let still = |recording: &mut Recording, joint: usize| {
+        for column in recording.joints[joint].signals.values_mut() {
+            let first = column[0];
+            column.fill(first);
+        }
+    };
+    let mut recording = whole();
+    still(&mut recording, 2);
+    assert_eq!(only(&recording, Some(&robot())).kind, FindingKind::NoMotion);
+
+    let one_speed = |turns_back: bool| {
+        let mut recording = whole();
+        recording.joints.truncate(1);
+        for row in 0..ROWS {
+            let t = row as f64 / RATE_HZ;
+            let q = if turns_back && t > 10.0 { 20.0 - t } else { t } * 0.05;
+            recording.joints[0]
+                .signals
+                .get_mut(&Signal::LinkPositionRad)
+                .unwrap()[row] = q;
+        }
+        recording.joints[0]
+            .signals
+            .retain(|signal, _| matches!(signal, Signal::LinkPositionRad | Signal::MotorTorqueNm));
+        only(&recording, None).kind
+    };
+    assert_eq!(one_speed(true), FindingKind::OneSpeed);
+    assert_eq!(one_speed(false), FindingKind::OneSpeed);
+}
+
+#[test]
+fn what_a_recording_cannot_support_is_said() {
+    let kinds = |kept: &[Signal]| {
+        let mut recording = whole();
+        for joint in &mut recording.joints {
+            joint.signals.retain(|signal, _| kept.contains(signal));
+        }
+        recording.joints.truncate(1);
+        let findings = check(
+            &recording,
+            Some(&CheckRobot {
+                joints: robot().joints[..1].to_vec(),
+                ..robot()
+            }),
+        );
+        findings
+            .into_iter()
+            .map(|finding| (finding.severity, finding.kind))
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(
+        kinds(&[Signal::MotorPositionRad]),
+        [
+            (Severity::Warning, FindingKind::NoTorque),
+            (Severity::Note, FindingKind::OneEncoder),
+            (Severity::Note, FindingKind::NoReference)
+        ]
+    );
+    assert_eq!(
+        kinds(&[Signal::MotorTorqueNm, Signal::ReferencePositionRad]),
+        [(Severity::Error, FindingKind::NoPosition)]
+    );
+    let two = [
+        Signal::MotorPositionRad,
+        Signal::LinkPositionRad,
+        Signal::ReferencePositionRad,
+    ];
+    let with = |signal| kinds(&[&two[..], &[signal]].concat());
+    assert_eq!(
+        with(Signal::CommandTorqueNm),
+        [(Severity::Note, FindingKind::CommandOnly)]
+    );
+    assert_eq!(with(Signal::MotorTorqueNm), []);
+}
+
+#[test]
+fn findings_survive_json() {
+    let mut recording = whole();
+    scale(&mut recording, 0, Signal::LinkPositionRad, -1.0);
+    let findings = check(&recording, Some(&robot()));
+    let text = serde_json::to_string(&findings).unwrap();
+    assert!(text.contains("\"signal\":\"link_position_rad\""), "{text}");
+    let read: Vec<Finding> = serde_json::from_str(&text).unwrap();
+    assert_eq!(read[0].to_string(), findings[0].to_string());
+}
+
+fn any_column(rows: usize) -> impl Strategy<Value = Vec<f64>> {
+    let value = prop_oneof![
+        4 => -10.0..10.0,
+        1 => Just(f64::NAN),
+        1 => Just(0.0),
+        1 => proptest::num::f64::NORMAL | proptest::num::f64::SUBNORMAL,
+    ];
+    prop::collection::vec(value, rows)
+}
+
+proptest! {
+    #[test]
+    fn any_table_can_be_checked(
+        (steps, columns, segments) in (0..300_usize).prop_flat_map(|rows| (
+            prop::collection::vec(prop_oneof![Just(0.01), Just(0.0), 0.0..1e9], rows),
+            prop::collection::vec(prop::collection::btree_map(prop::sample::select(&Signal::ALL[..]), any_column(rows), 0..6), 0..4),
+            prop::option::of(prop::collection::vec(0..2_i64, rows)),
+        )),
+        rate_hz in prop_oneof![Just(100.0), 1e-9..1e9],
+    ) {
+        let mut time_s = 0.0;
+        let time_s = steps.into_iter().map(|step_s| { time_s += step_s; time_s }).collect();
+        let joints = columns.into_iter().enumerate().map(|(index, signals)| JointColumns {
+            name: ["a", "b", "x", "y"][index].to_owned(),
+            signals,
+        });
+        let recording = Recording {
+            time_s,
+            segment: segments,
+            joints: joints.collect(),
+            sample_rate_hz: rate_hz,
+            metadata: BTreeMap::new(),
+            truncated: true,
+        };
+        let _ = check(&recording, Some(&robot()));
+        let _ = describe(&recording);
+    }
+}
