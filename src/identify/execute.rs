@@ -24,7 +24,7 @@ use crate::cli::{
     StiffnessTorqueArgument, WaitArgument,
 };
 use crate::error::CliError;
-use crate::output::{cannot_write, write_whole};
+use crate::output::{cannot_write, print, write_text};
 use crate::run;
 
 /// Cycles between two looks at Ctrl-C and the progress bar.
@@ -92,14 +92,12 @@ impl<'a> Rig<'a> {
                 if recorded { "recorded" } else { "" }.to_owned(),
             ]);
         }
-        println!("{table}");
         let total_s: f64 = plan.iter().map(|experiment| experiment.duration_s).sum();
-        println!(
-            "{} experiments, {total_s:.0} s of motion. Each is recorded as by\n  flexspline run --control velocity \
-             --trajectory TRAJECTORY --duration SECONDS --record RECORDING\nor by other means, as NAME.mcap or NAME.csv.",
+        print(&format!(
+            "{table}\n{} experiments, {total_s:.0} s of motion. Each is recorded as by\n  flexspline run --control velocity \
+             --trajectory TRAJECTORY --duration SECONDS --record RECORDING\nor by other means, as NAME.mcap or NAME.csv.\n",
             plan.len()
-        );
-        Ok(())
+        ))
     }
 
     /// Records every experiment that is not recorded yet; Ctrl-C stops, and the next call goes on from there.
@@ -155,7 +153,7 @@ impl<'a> Rig<'a> {
     fn write_trajectory(&self, experiment: &Experiment) -> Result<PathBuf, CliError> {
         let path = self.trajectory_path(experiment);
         let text = toml::to_string(&experiment.trajectory).map_err(CliError::input)?;
-        write_whole(&path, &text)?;
+        write_text(&path, &text)?;
         Ok(path)
     }
 
@@ -328,7 +326,7 @@ impl<'a> Rig<'a> {
         let text = format!(
             "[[effect]]\neffect = \"payload\"\nmass_kg = {mass_kg:?}\ncentre_m = {centre_m:?}\n"
         );
-        write_whole(&path, &text)?;
+        write_text(&path, &text)?;
         Ok(Some(path))
     }
 }

@@ -21,7 +21,7 @@ use serde::Serialize;
 
 use crate::cli::IdentifyArguments;
 use crate::error::CliError;
-use crate::output::{write_json, write_whole};
+use crate::output::{print, write_json, write_text};
 use execute::Rig;
 use fits::Fits;
 
@@ -109,8 +109,8 @@ fn report(
         return Ok(());
     }
     if !arguments.quiet {
-        print!("{}", table::text(&identified, robot));
-        println!("report: {}", report_path.display());
+        let text = table::text(&identified, robot);
+        print(&format!("{text}report: {}\n", report_path.display()))?;
     }
     Ok(())
 }
@@ -169,10 +169,10 @@ fn experiments(
 
 fn write_robot(file: &RobotFile, path: &Path) -> Result<(), CliError> {
     let text = toml::to_string(file).map_err(CliError::input)?;
-    write_whole(path, &text)
+    write_text(path, &text)
 }
 
 fn write_report(identified: &Identified, robot: &Robot, path: &Path) -> Result<(), CliError> {
     let html = report::page(identified, robot).to_html();
-    write_whole(path, &html)
+    write_text(path, &html)
 }

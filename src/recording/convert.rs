@@ -4,9 +4,10 @@ use std::path::Path;
 
 use recording::{Recording, WriteError, write_csv, write_mcap, write_parquet};
 
-use super::{cannot_write, read, write_whole};
+use super::{cannot_write, read};
 use crate::cli::{RecordingExportArguments, RecordingImportArguments};
 use crate::error::CliError;
+use crate::output::{print, write_whole};
 
 /// Where an imported recording tells what it was made from.
 const SOURCE: &str = "source";
@@ -78,13 +79,12 @@ fn write(table: &Recording, out: &Path, writer: Write) -> Result<(), CliError> {
     write_whole(out, |unfinished| {
         writer(table, unfinished).map_err(|error| cannot_write(out, error))
     })?;
-    println!(
-        "{}: {} rows, {} joints",
+    print(&format!(
+        "{}: {} rows, {} joints\n",
         out.display(),
         table.rows(),
         table.joints.len()
-    );
-    Ok(())
+    ))
 }
 
 fn extension(path: &Path) -> String {

@@ -1,8 +1,6 @@
 //! `info`: what is in a recording, how good it is, and what it cannot support.
 
 use std::fmt;
-use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use comfy_table::{CellAlignment, Table, presets};
@@ -13,6 +11,7 @@ use super::read;
 use super::robot::check_robot;
 use crate::cli::RecordingInfoArguments;
 use crate::error::CliError;
+use crate::output::{print, write_json};
 
 /// One recording, for programs.
 #[derive(Serialize)]
@@ -63,26 +62,6 @@ fn verdict(all: &[Described]) -> Result<(), CliError> {
         0 => Ok(()),
         1 => Err(CliError::Negative("1 error was found".to_owned())),
         count => Err(CliError::Negative(format!("{count} errors were found"))),
-    }
-}
-
-fn write_json(all: &[Described], path: &Path) -> Result<(), CliError> {
-    let text = serde_json::to_string_pretty(all).map_err(CliError::input)? + "\n";
-    if path == Path::new("-") {
-        return print(&text);
-    }
-    fs::write(path, text).map_err(|error| {
-        CliError::Input(format!("cannot write --json {}: {error}", path.display()))
-    })
-}
-
-/// A reader that has seen enough, such as `head`, is no error.
-fn print(text: &str) -> Result<(), CliError> {
-    match std::io::stdout().write_all(text.as_bytes()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(CliError::Negative(format!("cannot print: {error}")))
-        }
-        _ => Ok(()),
     }
 }
 

@@ -5,8 +5,7 @@ mod info;
 mod robot;
 mod simulate;
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use recording::{Recording, WriteError};
 
@@ -28,29 +27,6 @@ pub fn recording(command: &RecordingCommand) -> Result<(), CliError> {
 
 fn read(path: &Path) -> Result<Recording, CliError> {
     recording::read(path).map_err(CliError::input)
-}
-
-/// Writes a file under another name first, so that nothing half done is ever found under its own, and the file that
-/// is read may be the one that is written.
-fn write_whole(
-    path: &Path,
-    write: impl FnOnce(&Path) -> Result<(), CliError>,
-) -> Result<(), CliError> {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".unfinished");
-    let unfinished: PathBuf = path.with_file_name(name);
-    let written = write(&unfinished).and_then(|()| {
-        fs::rename(&unfinished, path).map_err(|error| {
-            CliError::Input(format!(
-                "cannot write {}: {error}; choose a place with --out",
-                path.display()
-            ))
-        })
-    });
-    if written.is_err() {
-        let _ = fs::remove_file(&unfinished);
-    }
-    written
 }
 
 /// A table that could not be written; the file is called as it was asked for.

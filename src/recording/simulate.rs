@@ -10,9 +10,10 @@ use services::relay::{record_row, recorded_control, recording_header};
 use shm_types::instance::{Mode, RunConfig, Wait};
 use twin::TwinError;
 
-use super::{cannot_write, read, write_whole};
+use super::{cannot_write, read};
 use crate::cli::RecordingSimulateArguments;
 use crate::error::CliError;
+use crate::output::{print, write_whole};
 
 /// The plant that the twin's recording says it has.
 const PLANT: &str = "nominal";
@@ -45,12 +46,11 @@ pub fn simulate(arguments: &RecordingSimulateArguments) -> Result<(), CliError> 
         rows = twin.record(runs, unfinished, &arguments.out)?;
         Ok(())
     })?;
-    println!(
-        "{}: {rows} rows of the nominal model of `{}`",
+    print(&format!(
+        "{}: {rows} rows of the nominal model of `{}`\n",
         arguments.out.display(),
         robot.name
-    );
-    Ok(())
+    ))
 }
 
 /// The loop runs at the multiple of the recording's rate that is nearest to the robot's own.

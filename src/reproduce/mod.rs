@@ -22,7 +22,7 @@ use crate::cli::{
 };
 use crate::error::CliError;
 use crate::identify::{ROBOT_FILE, identify};
-use crate::output::{cannot_write, write_json, write_whole};
+use crate::output::{cannot_write, print, write_json, write_text};
 use bench::Bench;
 use experiments::Stage;
 use results::Reproduction;
@@ -69,7 +69,7 @@ pub fn reproduce(arguments: &ReproduceArguments) -> Result<(), CliError> {
     write_json(&reproduction, &out.join("reproduce.json"))?;
     let html = page::page(&reproduction, &published, &elbow, &plant).to_html();
     let page_path = out.join("report.html");
-    write_whole(&page_path, &html)?;
+    write_text(&page_path, &html)?;
     if let Some(path) = &arguments.json {
         write_json(&reproduction, path)?;
     }
@@ -78,11 +78,10 @@ pub fn reproduce(arguments: &ReproduceArguments) -> Result<(), CliError> {
     }
     for (_, sheets) in tables::all(&reproduction, &published, &elbow) {
         for sheet in sheets {
-            println!("{}", sheet.text());
+            print(&format!("{}\n", sheet.text()))?;
         }
     }
-    println!("report: {}", page_path.display());
-    Ok(())
+    print(&format!("report: {}\n", page_path.display()))
 }
 
 /// The model of the arm with this seed, and where it stands: as given, or identified in the folder now.

@@ -22,7 +22,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::cli::RunArguments;
 use crate::error::CliError;
-use crate::output::write_json;
+use crate::output::{print, write_json};
 use crate::supervisor::{Supervisor, SupervisorError, WATCH_INTERVAL};
 use progress::Progress;
 use report::RunReport;
@@ -42,7 +42,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), CliError> {
     let (report, ended) = execute(plan, &stop)?;
     let to_standard_output = arguments.json.as_deref() == Some(Path::new("-"));
     if !to_standard_output {
-        println!("{report}");
+        print(&format!("{report}\n"))?;
     }
     if let Some(path) = &arguments.json {
         write_json(&report, path)?;
