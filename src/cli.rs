@@ -29,6 +29,8 @@ pub enum Command {
     /// What is in a recording; foreign logs in; CSV, Parquet or MCAP out; the twin's recording for the same reference
     #[command(subcommand)]
     Recording(RecordingCommand),
+    /// Calibrate the torque estimators, or compare them with a torque sensor
+    Estimate(EstimateArguments),
     /// One process of a running instance; started by `run`
     #[command(hide = true)]
     Process(ProcessArguments),
@@ -179,6 +181,90 @@ impl From<SpeedsArgument> for Protocol {
     }
 }
 
+/// `flexspline estimate`
+#[derive(Debug, Args)]
+pub struct EstimateArguments {
+    /// Which part
+    #[command(subcommand)]
+    pub command: EstimateCommand,
+}
+
+/// The two parts of `flexspline estimate`.
+#[derive(Debug, Subcommand)]
+pub enum EstimateCommand {
+    /// Find the estimators' parameters on one recording with a reference torque, and write them into a robot file
+    Calibrate(CalibrateArguments),
+    /// Compare the estimators with the torque sensor on recordings they were not calibrated on
+    Compare(CompareArguments),
+}
+
+/// `flexspline estimate calibrate`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline estimate calibrate --robot shd17 --recording first.mcap --out calibrated.toml
+  flexspline estimate calibrate --robot arm.toml --recording log.csv --joint elbow --reference gravity --out new.toml
+
+Estimators whose signals the recording lacks are left out and named. Move under changing load, fast and slow, in both
+directions, with some holds; the kinematic error needs the motor encoder's zero to stay.
+Exit code: 0 done, 2 bad input.")]
+pub struct CalibrateArguments {
+    /// Robot: pa10, shd17, or a robot file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: String,
+    /// Recording, or CSV log with its mapping file beside it
+    #[arg(long, value_name = "FILE")]
+    pub recording: PathBuf,
+    /// What the torque is known from
+    #[arg(long, value_enum, default_value_t = ReferenceArgument::JointTorque, value_name = "WHICH")]
+    pub reference: ReferenceArgument,
+    /// Only this joint; may be given again
+    #[arg(long, value_name = "NAME")]
+    pub joint: Vec<String>,
+    /// Robot file to write
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Where to write the results as JSON too; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// See [`estimators::calibrate::Reference`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
+pub enum ReferenceArgument {
+    /// A torque sensor at the gear's output
+    JointTorque,
+    /// The robot file's bodies, a payload among them, in slow and even motion
+    Gravity,
+}
+
+/// `flexspline estimate compare`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline estimate compare --robot calibrated.toml --recording second.mcap --report second.html
+  flexspline estimate compare --robot calibrated.toml --recording second.mcap --recording third.csv --json out.json
+
+Exit code: 0 done, 2 bad input.")]
+pub struct CompareArguments {
+    /// Robot file with calibrated estimators
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: String,
+    /// Recording, or CSV log with its mapping file beside it; may be given again
+    #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
+    pub recording: Vec<PathBuf>,
+    /// Only this joint; may be given again
+    #[arg(long, value_name = "NAME")]
+    pub joint: Vec<String>,
+    /// Page to write, with figures
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Where to write the results as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
 /// What can be identified.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum IdentifyWhat {
@@ -239,6 +325,7 @@ Examples:
   flexspline reproduce pa10-2005                           identifies an emulated arm, then tracks with what was found
   flexspline reproduce pa10-2003 --identified arm/identified.toml   with a model identified before, on the same --seed
   flexspline reproduce pa10-2005 --arms 3                  on three arms, results with their range
+  flexspline reproduce structural-damping                  two data sets of the emulated joint: one to calibrate, one to judge
 
 Everything runs in virtual time. The folder gets report.html, reproduce.json and, in identify/, what identification
 recorded: recordings that are there already are not made again.
@@ -256,8 +343,8 @@ pub struct ReproduceArguments {
     /// How many emulated arms, each with a seed of its own
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100))]
     pub arms: u64,
-    /// Seed of the first arm and of everything random on it
-    #[arg(long, default_value_t = 1, value_name = "N")]
+    /// Seed of the first arm, or joint, and of everything random on it
+    #[arg(long, default_value_t = 11, value_name = "N")]
     pub seed: u64,
     /// Where to write the results as JSON too; - for standard output
     #[arg(long, value_name = "PATH")]
@@ -273,6 +360,8 @@ pub enum Paper {
     /// The same authors on its elbow: low gains with the model, high gains without
     #[value(name = "pa10-2003")]
     Pa10Of2003,
+    /// Torque by structural damping, and by compliance, on the SHD-17 joint
+    StructuralDamping,
 }
 
 impl Paper {
@@ -281,6 +370,7 @@ impl Paper {
         match self {
             Self::Pa10Of2005 => "pa10-2005",
             Self::Pa10Of2003 => "pa10-2003",
+            Self::StructuralDamping => "structural-damping",
         }
     }
 }

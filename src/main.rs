@@ -2,6 +2,7 @@
 
 mod cli;
 mod error;
+mod estimate;
 mod identify;
 mod output;
 mod process;
@@ -32,6 +33,7 @@ fn main() -> ExitCode {
         Command::Identify(arguments) => identify::identify(&arguments),
         Command::Recording(command) => recording::recording(&command),
         Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
+        Command::Estimate(arguments) => estimate::estimate(&arguments),
         Command::Process(arguments) => process::run(&arguments),
     };
     match outcome {

@@ -8,6 +8,7 @@ pub mod filter;
 pub mod friction;
 pub mod rigid_body;
 pub mod transmission;
+pub mod velocity_filter;
 pub mod velocity_observer;
 
 /// The most joints a chain may have; every buffer in the workspace is sized by it.

@@ -142,6 +142,9 @@ pub fn joint(place: &Place, joint: &RobotJoint) -> Result<(), RobotError> {
     if let Some(table) = &joint.friction_table {
         friction_table(place, table)?;
     }
+    if let Some(estimators) = &joint.estimators {
+        estimators.check(place)?;
+    }
     effects(place, &joint.effects)
 }
 

@@ -4,7 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::RobotError;
 use crate::parse::parse;
-use crate::{Control, DirectionalFriction, Effect, FrictionTable, LoadTorqueTable, Tolerance};
+use crate::{
+    Control, DirectionalFriction, Effect, EstimatorParameters, FrictionTable, LoadTorqueTable,
+    Tolerance,
+};
 
 /// A robot file, key by key. [`RobotFile::build`](crate::RobotFile::build) checks it and makes the robot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -136,6 +139,9 @@ pub struct RobotJoint {
     /// Friction over the motor angle measured per direction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction_table: Option<FrictionTable>,
+    /// Calibrated torque estimators.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub estimators: Option<EstimatorParameters>,
     /// What the nominal model already knows.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub effects: Vec<Effect>,

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use joint_model::filter::FilterError;
+use estimators::EstimatorError;
 use shm_types::bus::{Bus, BusError};
 use shm_types::instance::{Instance, InstanceError, Mode};
 use shm_types::topics::{self, Role};
@@ -22,9 +22,9 @@ pub enum EstimatorProcessError {
     /// The robot file cannot be used.
     #[error(transparent)]
     Robot(#[from] robot::RobotError),
-    /// The estimators' filters cannot be built for this rate.
-    #[error("torque estimators: {0}")]
-    Filter(#[from] FilterError),
+    /// The estimators cannot be made for this robot and rate.
+    #[error(transparent)]
+    Estimator(#[from] EstimatorError),
     /// A topic cannot be opened.
     #[error(transparent)]
     Bus(#[from] BusError),

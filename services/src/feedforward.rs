@@ -19,7 +19,7 @@ use crate::correction::{Correction, Lesson};
 use crate::friction::{FrictionFeedforward, FrictionPoint};
 use crate::reference::ReferenceSource;
 use crate::torsion_load::{Missing, TorsionLoad};
-use crate::velocity::VelocityFilter;
+use joint_model::velocity_filter::VelocityFilter;
 
 /// Of the observed velocity that friction and correction use. At 25 Hz an encoder of the PA-10 that flickers by one step
 /// shows less than a tenth of the velocity that its difference would.

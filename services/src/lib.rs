@@ -17,5 +17,4 @@ pub mod relay;
 pub mod relay_process;
 pub mod torsion_load;
 pub mod tracking;
-mod velocity;
 pub mod velocity_control;

@@ -82,6 +82,8 @@ pub struct JointTracking {
     pub residual_error_nm: Option<ErrorSummary>,
     /// Structural-damping estimate minus the torque truly transmitted.
     pub structural_damping_error_nm: Option<ErrorSummary>,
+    /// Fused estimate minus the torque truly transmitted.
+    pub fusion_error_nm: Option<ErrorSummary>,
 }
 
 /// The relay's account of a run.
@@ -113,6 +115,7 @@ struct JointSums {
     feedback_nm: ErrorSum,
     residual_nm: ErrorSum,
     structural_damping_nm: ErrorSum,
+    fusion_nm: ErrorSum,
 }
 
 /// Sums up rows of one robot.
@@ -182,6 +185,8 @@ impl Tracking {
                     estimate.structural_damping_torque_nm[joint] - torque_nm,
                     after_start,
                 );
+                sums.fusion_nm
+                    .add(estimate.fusion_torque_nm[joint] - torque_nm, after_start);
             }
         }
         self.end_effector_m
@@ -228,6 +233,7 @@ impl Tracking {
                 feedback_torque_nm: sums.feedback_nm.summary(),
                 residual_error_nm: sums.residual_nm.summary(),
                 structural_damping_error_nm: sums.structural_damping_nm.summary(),
+                fusion_error_nm: sums.fusion_nm.summary(),
             });
         TrackingReport {
             compared_with: if self.saw_truth { "plant" } else { "sensors" }.to_owned(),

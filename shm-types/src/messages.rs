@@ -259,6 +259,10 @@ pub struct TorqueEstimate {
     pub residual_torque_nm: PerJoint,
     /// From the rate of the gear's torsion (structural damping), joint side; needs a link encoder.
     pub structural_damping_torque_nm: PerJoint,
+    /// From torsion and motor-side momentum together, joint side; of joints whose robot file has it calibrated.
+    pub fusion_torque_nm: PerJoint,
+    /// One standard deviation of the same.
+    pub fusion_std_nm: PerJoint,
 }
 
 /// Loop to observers: how the cycle went. Sent last in every cycle.
@@ -334,7 +338,7 @@ const _: () = {
     assert!(size_of::<DriveSample>() == 1064);
     assert!(size_of::<SensorSample>() == 1080);
     assert!(size_of::<Command>() == 936);
-    assert!(size_of::<TorqueEstimate>() == 288);
+    assert!(size_of::<TorqueEstimate>() == 544);
     assert!(size_of::<LoopStatus>() == 32 + 8 + 9 * 8 + 128);
     assert!(size_of::<Heartbeat>() == 32);
     assert!(size_of::<PlantTruth>() == 544);

@@ -11,7 +11,7 @@ use super::controllers::{Controller, HIGH_GAINS, IDENTIFIED, with_models, withou
 use super::courses;
 use super::gain_search::{Tried, search};
 use super::results::{Arm, GainSearch, Run};
-use crate::cli::Paper;
+use crate::cli::SpeedsArgument;
 use crate::error::CliError;
 
 /// Names of the experiments.
@@ -49,7 +49,7 @@ pub struct Experiment {
 /// # Errors
 /// [`CliError::Input`] if the robot cannot do them.
 pub fn of_paper(
-    paper: Paper,
+    speeds: SpeedsArgument,
     published: &Published,
     robot: &Robot,
 ) -> Result<Vec<Experiment>, CliError> {
@@ -68,13 +68,14 @@ pub fn of_paper(
             is_searched,
         })
     };
-    let trapezoid = published.trapezoids.first().ok_or_else(|| {
-        CliError::Input(format!("the numbers of {} have no trapezoid", paper.name()))
-    })?;
+    let trapezoid = published
+        .trapezoids
+        .first()
+        .ok_or_else(|| CliError::Input("the published numbers have no trapezoid".to_owned()))?;
     let speed_rad_s = trapezoid.velocity_rad_s;
     let motor_to_joint = published.drive.gear_ratio;
-    match paper {
-        Paper::Pa10Of2003 => {
+    match speeds {
+        SpeedsArgument::Pa10_2003 => {
             let gains = [trapezoid.proportional_nm_rad, trapezoid.derivative_nm_s_rad];
             let gains = gains.map(|gain| gain * motor_to_joint);
             Ok(vec![sweep(
@@ -85,7 +86,7 @@ pub fn of_paper(
                 true,
             )?])
         }
-        Paper::Pa10Of2005 => Ok(vec![
+        SpeedsArgument::Pa10_2005 => Ok(vec![
             Experiment {
                 name: LEMNISCATE,
                 joint: None,
@@ -312,11 +313,11 @@ mod tests {
     use crate::reproduce::{page, tables, targets};
 
     /// Every experiment of a paper, cut short.
-    fn shortened(paper: Paper) -> Reproduction {
+    fn shortened(name: &str, speeds: SpeedsArgument) -> Reproduction {
         let robot = robot::load("pa10").expect("shipped");
-        let published = robot::published(paper.name()).expect("shipped");
+        let published = robot::published(name).expect("shipped");
         let elbow = robot::published("pa10-2003").expect("shipped");
-        let mut experiments = of_paper(paper, &published, &robot).expect("the PA-10 can do them");
+        let mut experiments = of_paper(speeds, &published, &robot).expect("the PA-10 can do them");
         for experiment in &mut experiments {
             experiment.course.duration_s = 1.0;
         }
@@ -330,7 +331,7 @@ mod tests {
         let arms = vec![arm.expect("it runs")];
         Reproduction {
             schema: 1,
-            paper: paper.name().to_owned(),
+            paper: name.to_owned(),
             robot: "pa10".to_owned(),
             targets: targets::judge(&arms, &published, &elbow),
             arms,
@@ -339,7 +340,7 @@ mod tests {
 
     #[test]
     fn every_experiment_is_run_with_every_controller_and_shown() {
-        let reproduction = shortened(Paper::Pa10Of2005);
+        let reproduction = shortened("pa10-2005", SpeedsArgument::Pa10_2005);
         let arm = &reproduction.arms[0];
         for experiment in [LEMNISCATE, JOINT_THREE, SHOULDER, ELBOW] {
             for controller in [PUBLISHED, IDENTIFIED, NO_MODEL] {
@@ -382,7 +383,7 @@ mod tests {
         let robot = robot::load("pa10").expect("shipped");
         let published = robot::published("pa10-2003").expect("shipped");
         let experiments =
-            of_paper(Paper::Pa10Of2003, &published, &robot).expect("the PA-10 can do them");
+            of_paper(SpeedsArgument::Pa10_2003, &published, &robot).expect("the PA-10 can do them");
         let [experiment] = experiments.as_slice() else {
             panic!("the elbow only")
         };

@@ -9,6 +9,7 @@ mod page;
 mod region;
 mod results;
 mod shares;
+mod structural_damping;
 mod tables;
 mod targets;
 
@@ -36,6 +37,11 @@ const ROBOT: &str = "pa10";
 /// [`CliError::Input`] for bad input, [`CliError::Negative`] if it was stopped; what was recorded stays.
 pub fn reproduce(arguments: &ReproduceArguments) -> Result<(), CliError> {
     let paper = arguments.paper;
+    let speeds = match paper {
+        Paper::StructuralDamping => return structural_damping::reproduce(arguments),
+        Paper::Pa10Of2005 => SpeedsArgument::Pa10_2005,
+        Paper::Pa10Of2003 => SpeedsArgument::Pa10_2003,
+    };
     let out = match &arguments.out {
         Some(out) => out.clone(),
         None => Path::new("reproduce").join(paper.name()),
@@ -43,11 +49,11 @@ pub fn reproduce(arguments: &ReproduceArguments) -> Result<(), CliError> {
     let plant = robot::load(ROBOT).map_err(CliError::input)?;
     let published = robot::published(paper.name()).map_err(CliError::input)?;
     let elbow = robot::published(Paper::Pa10Of2003.name()).map_err(CliError::input)?;
-    let experiments = experiments::of_paper(paper, &published, &plant)?;
+    let experiments = experiments::of_paper(speeds, &published, &plant)?;
     fs::create_dir_all(&out).map_err(|error| cannot_write(&out, &error))?;
     let mut arms = Vec::new();
     for seed in arguments.seed..arguments.seed.saturating_add(arguments.arms) {
-        let (identified, file) = identified(arguments, &out, seed, &plant)?;
+        let (identified, file) = identified(arguments, speeds, &out, seed, &plant)?;
         let bench = Bench::new()?;
         let stage = Stage {
             bench: &bench,
@@ -87,6 +93,7 @@ pub fn reproduce(arguments: &ReproduceArguments) -> Result<(), CliError> {
 /// The model of the arm with this seed, and where it stands: as given, or identified in the folder now.
 fn identified(
     arguments: &ReproduceArguments,
+    speeds: SpeedsArgument,
     out: &Path,
     seed: u64,
     plant: &Robot,
@@ -99,14 +106,11 @@ fn identified(
                 what: IdentifyWhat::All,
                 robot: ROBOT.to_owned(),
                 out: folder.clone(),
-                joint: match arguments.paper {
-                    Paper::Pa10Of2005 => Vec::new(),
-                    Paper::Pa10Of2003 => vec!["joint4".to_owned()],
+                joint: match speeds {
+                    SpeedsArgument::Pa10_2005 => Vec::new(),
+                    SpeedsArgument::Pa10_2003 => vec!["joint4".to_owned()],
                 },
-                speeds: match arguments.paper {
-                    Paper::Pa10Of2005 => SpeedsArgument::Pa10_2005,
-                    Paper::Pa10Of2003 => SpeedsArgument::Pa10_2003,
-                },
+                speeds,
                 plan: false,
                 mode: ModeArgument::Lockstep,
                 driver: "emulator".to_owned(),

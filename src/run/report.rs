@@ -186,6 +186,8 @@ fn show_tracking(f: &mut fmt::Formatter<'_>, tracking: &TrackingReport) -> fmt::
         "max, Nm",
         "structural damping rms, Nm",
         "max, Nm",
+        "fusion rms, Nm",
+        "max, Nm",
     ]);
     for joint in &tracking.joints {
         let mut row = vec![joint.joint.clone()];
@@ -197,6 +199,7 @@ fn show_tracking(f: &mut fmt::Formatter<'_>, tracking: &TrackingReport) -> fmt::
         );
         row.extend(rms_and_max(&joint.residual_error_nm, 1.0));
         row.extend(rms_and_max(&joint.structural_damping_error_nm, 1.0));
+        row.extend(rms_and_max(&joint.fusion_error_nm, 1.0));
         joints.add_row(row);
     }
     writeln!(f, "{joints}")?;

@@ -15,7 +15,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
-use joint_model::filter::FilterError;
+use estimators::EstimatorError;
 use motion::Trajectory;
 use plant_emulator::drives::EmulatedDrives;
 use plant_emulator::process::emulated_plant;
@@ -44,7 +44,7 @@ pub enum TwinError {
     Feedforward(#[from] FeedforwardError),
     /// An estimator cannot be built.
     #[error(transparent)]
-    Estimator(#[from] FilterError),
+    Estimator(#[from] EstimatorError),
     /// The recording cannot be written.
     #[error(transparent)]
     Recording(#[from] WriteError),

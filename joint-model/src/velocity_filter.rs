@@ -1,6 +1,6 @@
 //! Joint velocity from position: the backward difference through a Butterworth low-pass.
 
-use joint_model::filter::{Butterworth, FilterError};
+use crate::filter::{Butterworth, FilterError};
 
 /// One joint's velocity observer. PA10-05, section V: 200 Hz, fifth order in PA10-03.
 #[derive(Clone, Debug)]

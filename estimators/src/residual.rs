@@ -7,9 +7,10 @@
 
 use joint_model::filter::{Butterworth, FilterError};
 use joint_model::friction::SteadyFriction;
+use joint_model::velocity_filter::VelocityFilter;
 use robot::RobotJoint;
 
-use crate::velocity::VelocityFilter;
+use crate::{Estimate, Missing, Sample, TorqueEstimator};
 
 /// Passes what a harmonic drive's joint can do by itself, and little of the resolver's steps.
 const VELOCITY_CUTOFF_HZ: f64 = 50.0;
@@ -47,29 +48,30 @@ impl Residual {
             period_s,
         })
     }
+}
 
-    /// Joint torque after one more sample under a gravity load; NaN without a motor torque.
-    pub fn estimate_nm(
-        &mut self,
-        cycle: u64,
-        motor_position_rad: f64,
-        motor_torque_nm: f64,
-        load_nm: f64,
-    ) -> f64 {
+impl TorqueEstimator for Residual {
+    fn estimate(&mut self, sample: &Sample) -> Result<Estimate, Missing> {
+        let motor_position_rad = sample.motor_position_rad()?;
+        let motor_torque_nm = sample.motor_torque_nm()?;
         let position_rad = motor_position_rad / self.gear_ratio;
-        let velocity_rad_s = self.velocity.observe(cycle, position_rad, self.period_s);
+        let velocity_rad_s = self
+            .velocity
+            .observe(sample.cycle, position_rad, self.period_s);
         let acceleration_rad_s2 = self
             .acceleration
             .step((velocity_rad_s - self.velocity_rad_s) / self.period_s);
         self.velocity_rad_s = velocity_rad_s;
         let friction_nm = self.friction.drag_nm(
             velocity_rad_s,
-            load_nm,
+            sample.load_nm,
             motor_position_rad,
             REVERSAL_VELOCITY_RAD_S,
         );
-        self.gear_ratio * motor_torque_nm
-            - friction_nm
-            - self.reflected_inertia_kg_m2 * acceleration_rad_s2
+        Ok(Estimate::bare(
+            self.gear_ratio * motor_torque_nm
+                - friction_nm
+                - self.reflected_inertia_kg_m2 * acceleration_rad_s2,
+        ))
     }
 }

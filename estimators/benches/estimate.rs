@@ -1,0 +1,109 @@
+//! What one estimate of each of seven joints costs, estimator by estimator and all together.
+#![allow(missing_docs, reason = "the macros make undocumented functions")]
+
+use std::f64::consts::TAU;
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use estimators::{JointEstimators, Kind, Sample};
+use robot::estimators::{
+    ComplianceParameters, DisturbanceObserverParameters, EstimatorParameters, FusionParameters,
+    GaussianProcessTable, KinematicErrorTable, TaghiradParameters,
+};
+
+const JOINTS: usize = 7;
+const PERIOD_S: f64 = 1.0 / 1500.0;
+
+/// Parameters of the size that a calibration gives.
+fn parameters() -> EstimatorParameters {
+    let kinematic_error = KinematicErrorTable {
+        cosine_rad: vec![1e-5; 6],
+        sine_rad: vec![1e-5; 6],
+    };
+    EstimatorParameters {
+        structural_damping: None,
+        compliance: Some(ComplianceParameters {
+            stiffness_nm_rad: 8333.0,
+            stiffening_per_nm: 0.089,
+            wave_generator_stiffness_nm_rad: 1.33,
+            wave_generator_stiffening_per_nm: 83.5,
+            torsion_scale: 1.0,
+            torque_scale: 1.0,
+            zero_rad: 0.0,
+            kinematic_error: kinematic_error.clone(),
+        }),
+        taghirad: Some(TaghiradParameters {
+            stiffness_nm_rad: 8000.0,
+            damping_nm: 2.0,
+            exponent: 0.7,
+            zero_rad: 0.0,
+        }),
+        disturbance_observer: Some(DisturbanceObserverParameters {
+            coulomb_nm: [2.0; 2],
+            viscous_nm_s_rad: [1.0; 2],
+        }),
+        gaussian_process: Some(GaussianProcessTable {
+            compliance_nm: [-15.0, 15.0],
+            motor_nm: [-20.0, 20.0],
+            residual_nm: vec![vec![0.1; 25]; 25],
+            std_nm: vec![vec![0.1; 25]; 25],
+        }),
+        fusion: Some(FusionParameters {
+            zero_rad: 0.0,
+            kinematic_error,
+            knees_rad: [0.0, 1.0, 2.0, 3.0, 4.5, 6.0, 8.0]
+                .map(|k| 1.4e-4 * k)
+                .to_vec(),
+            stiffness_steps_nm_rad: vec![3000.0, 5000.0, 500.0, 1000.0, 2000.0, 100.0, 100.0],
+            plays_rad: vec![5e-5, 1e-4, 2e-4, 4e-4],
+            play_stiffnesses_nm_rad: vec![2000.0, 400.0, 200.0, 100.0],
+            damping_nm_s_rad: 2.0,
+            coulomb_nm: 1.2,
+            viscous_nm_s_rad: 2.0,
+            link_inertia_kg_m2: 0.29,
+            moving_std_nm: 0.08,
+            resting_std_nm: 0.05,
+        }),
+    }
+}
+
+/// A joint that swings under load.
+fn sample(cycle: u64) -> Sample {
+    let phase = TAU * cycle as f64 / 1500.0;
+    let motor_position_rad = 30.0 * phase.sin();
+    Sample {
+        cycle,
+        motor_position_rad,
+        link_position_rad: motor_position_rad / 100.0 - 8e-4 * phase.cos(),
+        motor_torque_nm: 0.1 * phase.cos(),
+        load_nm: 3.0,
+    }
+}
+
+fn estimators(criterion: &mut Criterion) {
+    let mut joint = robot::load("shd17").expect("shipped").joints.remove(0);
+    joint.estimators = Some(parameters());
+    let one = JointEstimators::new(&joint, PERIOD_S).expect("possible parameters");
+    let sets = Kind::ALL
+        .map(|kind| (kind.name(), vec![kind]))
+        .into_iter()
+        .chain([("all", Kind::ALL.to_vec())]);
+    for (name, kinds) in sets {
+        let mut joints = vec![one.clone(); JOINTS];
+        let mut cycle = 0;
+        criterion.bench_function(&format!("seven joints: {name}"), |bench| {
+            bench.iter(|| {
+                cycle += 1;
+                let sample = sample(cycle);
+                for joint in &mut joints {
+                    for kind in &kinds {
+                        black_box(joint.estimate(*kind, black_box(&sample)));
+                    }
+                }
+            })
+        });
+    }
+}
+
+criterion_group!(benches, estimators);
+criterion_main!(benches);

@@ -1,0 +1,112 @@
+use super::testing::parameters;
+use super::*;
+use crate::TorqueEstimator;
+
+const PERIOD_S: f64 = 1.0 / 1500.0;
+
+fn joint() -> RobotJoint {
+    robot::load("shd17").unwrap().joints.remove(0)
+}
+
+fn fusion() -> Fusion {
+    Fusion::new(&parameters(), &joint(), PERIOD_S).unwrap()
+}
+
+/// At rest with the gear twisted.
+fn held(cycle: u64, torsion_rad: f64) -> Sample {
+    Sample {
+        cycle,
+        motor_position_rad: 50.0,
+        link_position_rad: 0.5 - torsion_rad,
+        motor_torque_nm: 0.04,
+        load_nm: 0.0,
+    }
+}
+
+#[test]
+fn a_held_torsion_reads_as_the_law_says_for_as_long_as_it_is_held() {
+    let mut fusion = fusion();
+    let mut last = Estimate::bare(0.0);
+    for cycle in 0..90_000 {
+        last = fusion.estimate(&held(cycle, 3e-4)).unwrap();
+    }
+    // springs 1.5 + 0.3, play 0.1, which the filter's first milliseconds may have dragged a little
+    assert!((last.torque_nm - 1.9).abs() < 0.01, "{last:?}");
+    let std_nm = last.std_nm.unwrap();
+    assert!(std_nm > 0.0 && std_nm < 0.1, "{std_nm}");
+}
+
+#[test]
+fn without_an_encoder_the_estimate_is_less_sure_than_with_both() {
+    let (mut seeing, mut blinking) = (fusion(), fusion());
+    let mut stds = [0.0; 2];
+    for cycle in 0..1000 {
+        let sample = held(cycle, 3e-4);
+        stds[0] = seeing.estimate(&sample).unwrap().std_nm.unwrap();
+        if cycle % 10 == 0 {
+            stds[1] = blinking.estimate(&sample).unwrap().std_nm.unwrap();
+        }
+    }
+    assert!(stds[1] > 1.05 * stds[0], "{stds:?}");
+}
+
+#[test]
+fn each_missing_signal_is_named_and_a_short_one_of_motor_torque_is_bridged() {
+    let mut fusion = fusion();
+    let blind = Sample {
+        link_position_rad: f64::NAN,
+        ..held(0, 1e-4)
+    };
+    assert_eq!(
+        fusion.estimate(&blind),
+        Err(Missing(Signal::LinkPositionRad))
+    );
+    let weak = |cycle| Sample {
+        motor_torque_nm: f64::NAN,
+        ..held(cycle, 1e-4)
+    };
+    assert_eq!(
+        fusion.estimate(&weak(1)),
+        Err(Missing(Signal::MotorTorqueNm))
+    );
+    assert!(fusion.estimate(&held(2, 1e-4)).is_ok());
+    assert!(fusion.estimate(&weak(3)).is_ok());
+    assert!(fusion.estimate(&weak(3 + GAP_MAX_CYCLES)).is_err());
+}
+
+#[test]
+fn a_swing_is_followed_more_quietly_than_by_its_encoders() {
+    // A link on a linear spring swings freely at 20 Hz with the rotor held by its drive: exact, then rounded readings.
+    let linear = FusionParameters {
+        knees_rad: vec![0.0],
+        stiffness_steps_nm_rad: vec![8000.0],
+        plays_rad: Vec::new(),
+        play_stiffnesses_nm_rad: Vec::new(),
+        damping_nm_s_rad: 0.0,
+        link_inertia_kg_m2: 8000.0 / (40.0 * std::f64::consts::PI).powi(2),
+        ..parameters()
+    };
+    let mut fusion = Fusion::new(&linear, &joint(), PERIOD_S).unwrap();
+    let step_rad = joint().link_encoder_resolution_rad.unwrap();
+    let (mut fused, mut raw, mut count) = (0.0, 0.0, 0.0);
+    for cycle in 0..6000 {
+        let time_s = cycle as f64 * PERIOD_S;
+        let torsion_rad = 3e-4 * (40.0 * std::f64::consts::PI * time_s).cos();
+        let torque_nm = 8000.0 * torsion_rad;
+        let sample = Sample {
+            cycle,
+            motor_position_rad: 0.0,
+            link_position_rad: (-torsion_rad / step_rad).round() * step_rad,
+            motor_torque_nm: torque_nm / 100.0,
+            load_nm: 0.0,
+        };
+        let found = fusion.estimate(&sample).unwrap();
+        if cycle > 3000 {
+            fused += (found.torque_nm - torque_nm).powi(2);
+            raw += (8000.0 * -sample.link_position_rad - torque_nm).powi(2);
+            count += 1.0;
+        }
+    }
+    let (fused, raw): (f64, f64) = ((fused / count).sqrt(), (raw / count).sqrt());
+    assert!(fused < 0.9 * raw, "{fused} {raw}");
+}
