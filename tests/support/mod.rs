@@ -18,7 +18,9 @@ pub struct Bench {
 
 impl Bench {
     pub fn new(name: &str) -> Self {
-        let instance = format!("{name}-{}", std::process::id());
+        // An instance name has at most 16 letters, a process id up to seven.
+        let short: String = name.chars().take(8).collect();
+        let instance = format!("{short}-{}", std::process::id());
         Self {
             instance,
             directory: TempDir::new().expect("a temporary directory"),
