@@ -52,6 +52,14 @@ impl Robot {
     pub fn joint_index(&self, name: &str) -> Option<usize> {
         self.joints.iter().position(|joint| joint.name == name)
     }
+
+    /// The joints' names, in the chain's order.
+    pub fn joint_names(&self) -> Vec<&str> {
+        self.joints
+            .iter()
+            .map(|joint| joint.name.as_str())
+            .collect()
+    }
 }
 
 /// Names of the robots that come with the program.

@@ -35,15 +35,10 @@ fn chosen_joints<'a>(
         let has = |joint: &&RobotJoint| recording.signal(&joint.name, needed).is_ok();
         let joints: Vec<&RobotJoint> = robot.joints.iter().filter(has).collect();
         if joints.is_empty() {
-            let known: Vec<&str> = robot
-                .joints
-                .iter()
-                .map(|joint| joint.name.as_str())
-                .collect();
             return Err(CliError::Input(format!(
                 "the recording has {needed} of no joint of robot `{}` ({})",
                 robot.name,
-                known.join(", ")
+                robot.joint_names().join(", ")
             )));
         }
         return Ok(joints);
@@ -53,15 +48,10 @@ fn chosen_joints<'a>(
         .map(|name| {
             let found = robot.joints.iter().find(|joint| joint.name == *name);
             found.ok_or_else(|| {
-                let known: Vec<&str> = robot
-                    .joints
-                    .iter()
-                    .map(|joint| joint.name.as_str())
-                    .collect();
                 CliError::Input(format!(
                     "--joint {name}: robot `{}` has no such joint; its joints are {}",
                     robot.name,
-                    known.join(", ")
+                    robot.joint_names().join(", ")
                 ))
             })
         })

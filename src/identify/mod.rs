@@ -122,15 +122,10 @@ fn chosen_joints<'a>(
     let names = &arguments.joint;
     for name in names {
         if robot.joint_index(name).is_none() {
-            let known: Vec<&str> = robot
-                .joints
-                .iter()
-                .map(|joint| joint.name.as_str())
-                .collect();
             return Err(CliError::Input(format!(
                 "--joint {name}: robot `{}` has no such joint; its joints are {}",
                 robot.name,
-                known.join(", ")
+                robot.joint_names().join(", ")
             )));
         }
     }

@@ -123,14 +123,7 @@ fn identified(
         }
     };
     let identified = robot::load(&file.display().to_string()).map_err(CliError::input)?;
-    let names = |robot: &Robot| -> Vec<String> {
-        robot
-            .joints
-            .iter()
-            .map(|joint| joint.name.clone())
-            .collect()
-    };
-    if names(&identified) != names(plant) || identified.control.is_none() {
+    if identified.joint_names() != plant.joint_names() || identified.control.is_none() {
         return Err(CliError::Input(format!(
             "--identified {}: its joints or its control are not those of `{ROBOT}`; give a file that identify wrote for it",
             file.display()

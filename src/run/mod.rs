@@ -226,19 +226,12 @@ pub fn check_driver(driver: &str) -> Result<(), CliError> {
 
 /// The emulated arm must have the joints the controller knows.
 fn check_plant(plant: &str, robot: &Robot) -> Result<(), CliError> {
-    let names = |robot: &Robot| -> Vec<String> {
-        robot
-            .joints
-            .iter()
-            .map(|joint| joint.name.clone())
-            .collect()
-    };
     let plant_robot = robot::load(plant).map_err(CliError::input)?;
-    if names(&plant_robot) != names(robot) {
+    if plant_robot.joint_names() != robot.joint_names() {
         return Err(CliError::Input(format!(
             "--plant {plant}: its joints are {}, those of --robot are {}; give a robot with the same joints",
-            names(&plant_robot).join(", "),
-            names(robot).join(", ")
+            plant_robot.joint_names().join(", "),
+            robot.joint_names().join(", ")
         )));
     }
     Ok(())
