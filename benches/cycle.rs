@@ -33,6 +33,7 @@ fn config(robot: &Robot) -> CycleConfig {
         plant: None,
         control: ControlMode::Torque,
         options: ControlOptions::default(),
+        estimators: Vec::new(),
         mode: Mode::Lockstep,
         period_ns: PERIOD_NS,
         cycles: u64::MAX,
@@ -114,7 +115,7 @@ fn feedforward(criterion: &mut Criterion) {
 }
 
 fn estimators(criterion: &mut Criterion) {
-    let estimators = Estimators::new(&pa10(), PERIOD_NS as f64 * 1e-9);
+    let estimators = Estimators::new(&pa10(), &[], PERIOD_NS as f64 * 1e-9);
     let (mut estimators, mut cycle) = (estimators.expect("a shipped robot"), 0);
     criterion.bench_function("estimator: one estimate of each joint", |bench| {
         bench.iter(|| {

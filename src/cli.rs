@@ -81,13 +81,19 @@ pub struct RunArguments {
     /// Contact gets stiffer with it.
     #[arg(long, default_value_t = 0.0, value_name = "GAIN")]
     pub correction: f64,
+    /// Torque estimators that run, as residual,fusion; all that the robot file has parameters for if not given
+    ///
+    /// residual, structural_damping, compliance, taghirad, disturbance_observer, gaussian_process, fusion. Contacts are
+    /// found with fusion.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub estimators: Vec<String>,
     /// Whether time is the wall clock's or waits for everybody
     #[arg(long, value_enum, default_value_t = ModeArgument::Realtime)]
     pub mode: ModeArgument,
     /// Robot the emulated plant is made from, where --robot is a model identified on it; --robot if not given
     #[arg(long, value_name = "NAME|FILE")]
     pub plant: Option<String>,
-    /// File of effects to add to the emulated plant
+    /// File of effects to add to the emulated plant, and of pushes from outside
     #[arg(long, value_name = "FILE")]
     pub inject: Option<PathBuf>,
     /// Recording to write; recordings/ROBOT-TRAJECTORY-TIME.mcap if not given

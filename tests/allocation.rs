@@ -100,6 +100,7 @@ fn heap_calls_of_a_run() -> u64 {
         plant: None,
         control: ControlMode::Torque,
         options: ControlOptions::default(),
+        estimators: Vec::new(),
         mode: Mode::Lockstep,
         period_ns: 666_667,
         cycles: WATCHED.end + 100,

@@ -76,6 +76,7 @@ fn the_twin_in_one_process_gives_the_same_bytes() {
             plant: None,
             control,
             options,
+            estimators: Vec::new(),
             mode: Mode::Lockstep,
             period_ns: 666_667,
             cycles: 2_999,

@@ -61,6 +61,8 @@ fn parameters() -> EstimatorParameters {
             coulomb_nm: 1.2,
             viscous_nm_s_rad: 2.0,
             link_inertia_kg_m2: 0.29,
+            gravity_share: 1.0,
+            free_std_nm: 0.1,
             moving_std_nm: 0.08,
             resting_std_nm: 0.05,
         }),

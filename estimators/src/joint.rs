@@ -1,6 +1,7 @@
 //! The estimators of one joint.
 
 use joint_model::filter::FilterError;
+use joint_model::rigid_body::ChainError;
 use robot::RobotJoint;
 use serde::{Deserialize, Serialize};
 
@@ -62,6 +63,24 @@ impl Kind {
             Self::Fusion => "fusion",
         }
     }
+
+    /// As the command line and JSON have it.
+    pub fn identifier(self) -> &'static str {
+        match self {
+            Self::Residual => "residual",
+            Self::StructuralDamping => "structural_damping",
+            Self::Compliance => "compliance",
+            Self::Taghirad => "taghirad",
+            Self::DisturbanceObserver => "disturbance_observer",
+            Self::GaussianProcess => "gaussian_process",
+            Self::Fusion => "fusion",
+        }
+    }
+
+    /// The estimator of that identifier.
+    pub fn from_identifier(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.identifier() == name)
+    }
 }
 
 /// Why a joint's estimators cannot be made.
@@ -83,6 +102,12 @@ pub enum EstimatorError {
         /// Which.
         source: NoResolution,
     },
+    /// The control period is too long for the external torque's filter.
+    #[error("external torque: {0}")]
+    ExternalFilter(FilterError),
+    /// A link cannot be heavier by its tolerance.
+    #[error("external torque: {0}")]
+    Bodies(ChainError),
 }
 
 /// All estimators that a joint has parameters for; the residual's are the model itself.

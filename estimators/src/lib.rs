@@ -15,6 +15,7 @@ pub mod calibrate;
 pub mod compare;
 mod compliance;
 mod disturbance_observer;
+mod external;
 mod fusion;
 mod gaussian_process;
 mod joint;
@@ -26,6 +27,7 @@ mod taghirad;
 
 pub use compliance::Compliance;
 pub use disturbance_observer::DisturbanceObserver;
+pub use external::{DETECTION_SIGMAS, External, ExternalTorque};
 pub use fusion::{Fusion, TorsionLaw};
 pub use gaussian_process::GaussianProcess;
 pub use joint::{EstimatorError, JointEstimators, Kind};

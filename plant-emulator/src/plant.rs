@@ -7,7 +7,7 @@ mod substeps;
 
 use joint_model::JOINTS_MAX;
 use joint_model::rigid_body::Chain;
-use robot::{Injection, Robot};
+use robot::{Injection, Push, Robot};
 
 use crate::inject::{Conditions, TimedEffect};
 use crate::mechanics::{JointConstants, JointState, LinkMotion};
@@ -113,6 +113,9 @@ impl Joint {
 #[derive(Clone, Debug)]
 pub struct Plant {
     joints: Vec<Joint>,
+    pushes: Vec<Push>,
+    /// What pushes the links in this period.
+    external_nm: [f64; JOINTS_MAX],
     /// Rigid bodies, each with the time from which they hold.
     chains: Vec<(f64, Chain)>,
     chain: usize,
@@ -147,6 +150,13 @@ impl Plant {
             initial_position_rad,
             period_s,
         )
+    }
+
+    /// The same arm with pushes from outside. Each acts in the periods that begin within its time.
+    #[must_use]
+    pub fn with_pushes(mut self, pushes: Vec<Push>) -> Self {
+        self.pushes = pushes;
+        self
     }
 
     /// Advances one control period. The command reaches the drives at its beginning, the sensors latch at its end.
@@ -197,6 +207,11 @@ impl Plant {
         {
             self.chain += 1;
         }
+        self.external_nm = [0.0; JOINTS_MAX];
+        let now = |push: &&Push| (push.start_s..push.start_s + push.duration_s).contains(&time_s);
+        for push in self.pushes.iter().filter(now) {
+            self.external_nm[push.joint] += push.torque_nm;
+        }
         for (index, joint) in self.joints.iter_mut().enumerate() {
             joint.refresh(time_s);
             let (torque_nm, velocity_rad_s) = (
@@ -225,7 +240,7 @@ impl Plant {
                 self.link_position_rad[index],
                 self.link_velocity_rad_s[index],
                 step_s,
-            );
+            ) + self.external_nm[index];
         }
         let (_, chain) = &self.chains[self.chain];
         chain.forward_dynamics(

@@ -47,11 +47,14 @@ pub enum EmulatorError {
 pub fn run(instance: &Instance, stop: &AtomicBool) -> Result<(), EmulatorError> {
     let run = instance.run_config()?;
     let robot = robot::load(run.plant.as_ref().unwrap_or(&run.robot))?;
-    let injections = match &run.inject {
-        Some(path) => robot::load_injection(path, &robot)?,
-        None => Vec::new(),
+    let (injections, pushes) = match &run.inject {
+        Some(path) => (
+            robot::load_injection(path, &robot)?,
+            robot::load_pushes(path, &robot)?,
+        ),
+        None => (Vec::new(), Vec::new()),
     };
-    let plant = emulated_plant(&robot, &run, &injections)?;
+    let plant = emulated_plant(&robot, &run, &injections)?.with_pushes(pushes);
     let bus = Bus::join(instance)?;
     let mut emulator = Emulator {
         joint_count: robot.joints.len(),

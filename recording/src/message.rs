@@ -85,6 +85,14 @@ message! {
         estimate_structural_damping_nm: Option<f64> = "13" as [double, optional];
         /// The trajectory this cycle belongs to; the same in all joints of a cycle.
         segment: Option<i64> = "14" as [int64, optional];
+        /// Joint-side torque by the fused estimator.
+        estimate_fusion_nm: Option<f64> = "15" as [double, optional];
+        /// One standard deviation of it.
+        estimate_fusion_std_nm: Option<f64> = "16" as [double, optional];
+        /// What pushes the link from outside, by the fused torque and the rigid bodies, joint side.
+        estimate_external_nm: Option<f64> = "17" as [double, optional];
+        /// One standard deviation of it, the model's tolerance included.
+        estimate_external_std_nm: Option<f64> = "18" as [double, optional];
     }
 }
 

@@ -141,6 +141,10 @@ pub struct FusionParameters {
     pub viscous_nm_s_rad: f64,
     /// Inertia about the joint's axis behind the spring.
     pub link_inertia_kg_m2: f64,
+    /// The link's gravity over the robot file's.
+    pub gravity_share: f64,
+    /// What inertia and gravity leave unexplained of the torque on a free link, one standard deviation.
+    pub free_std_nm: f64,
     /// Error of these laws while the joint moves, one standard deviation.
     pub moving_std_nm: f64,
     /// The same while it stands.
@@ -350,6 +354,8 @@ impl FusionParameters {
                 self.link_inertia_kg_m2,
                 Must::BePositive,
             ),
+            ("gravity_share", self.gravity_share, Must::BePositive),
+            ("free_std_nm", self.free_std_nm, Must::BePositive),
             ("moving_std_nm", self.moving_std_nm, Must::NotBeNegative),
             ("resting_std_nm", self.resting_std_nm, Must::NotBeNegative),
         ] {

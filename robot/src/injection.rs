@@ -8,6 +8,7 @@ use serde::Deserialize;
 use crate::check::{self, Must};
 use crate::error::{Place, RobotError};
 use crate::parse::{explain, parse};
+use crate::push::PushEntry;
 use crate::{Effect, Robot};
 
 /// An effect that the plant has and the robot file has not.
@@ -25,23 +26,34 @@ pub struct Injection {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct InjectionFile {
+pub(crate) struct InjectionFile {
     #[serde(default, rename = "effect")]
     effects: Vec<toml::Table>,
+    #[serde(default, rename = "push")]
+    pub pushes: Vec<PushEntry>,
 }
 
-/// Reads an injection file: `[[effect]]` tables with `joint`, `effect`, its parameters, and `start_s` (default 0).
+/// Reads the effects of an injection file: `[[effect]]` tables with `joint`, `effect`, its parameters, and `start_s`
+/// (default 0).
 ///
 /// # Errors
 /// [`RobotError`]: one line with file, entry, and what to change.
 pub fn load_injection(path: impl AsRef<Path>, robot: &Robot) -> Result<Vec<Injection>, RobotError> {
-    let file = path.as_ref().display().to_string();
-    let text = fs::read_to_string(&path).map_err(|error| RobotError::Read {
-        file: file.clone(),
-        reason: error.to_string(),
-        hint: String::new(),
-    })?;
+    let (file, text) = read_file(path.as_ref())?;
     parse_injection(&text, &file, robot)
+}
+
+/// The file's name, as errors call it, and its text.
+pub(crate) fn read_file(path: &Path) -> Result<(String, String), RobotError> {
+    let file = path.display().to_string();
+    match fs::read_to_string(path) {
+        Ok(text) => Ok((file, text)),
+        Err(error) => Err(RobotError::Read {
+            file,
+            reason: error.to_string(),
+            hint: String::new(),
+        }),
+    }
 }
 
 /// The same from text; `file` is what errors call it.
@@ -53,11 +65,11 @@ pub fn parse_injection(
     file: &str,
     robot: &Robot,
 ) -> Result<Vec<Injection>, RobotError> {
-    let entries = parse::<InjectionFile>(text, file)?.effects;
-    if entries.is_empty() {
+    let InjectionFile { effects, pushes } = parse(text, file)?;
+    if effects.is_empty() && pushes.is_empty() {
         return Err(Place::new(file, "top level").invalid("no [[effect]] table found, add one"));
     }
-    entries
+    effects
         .into_iter()
         .enumerate()
         .map(|(index, entry)| injection(file, index, entry, robot))

@@ -80,7 +80,7 @@ impl Correction {
             .find(|estimate| cycle - estimate.header.cycle <= STALE_CYCLES)
             .copied();
         for (joint, bound_nm) in self.bounds_nm.iter().enumerate() {
-            let estimate_nm = estimate.map_or(f64::NAN, |found| found.residual_torque_nm[joint]);
+            let estimate_nm = estimate.map_or(f64::NAN, |found| found.residual.valid_nm(joint)[0]);
             let error_nm = estimate_nm - lesson.modelled_torque_nm[joint];
             let learned_nm = &mut self.learned_nm[joint];
             if !error_nm.is_finite() {
@@ -114,7 +114,7 @@ fn slides(lesson: &Lesson<'_>, joint: usize) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use shm_types::messages::Header;
+    use shm_types::messages::{Estimates, Header, Validity};
 
     use super::*;
 
@@ -126,7 +126,11 @@ mod tests {
                 cycle,
                 ..Header::default()
             },
-            residual_torque_nm: [torque_nm; 16],
+            residual: Estimates {
+                torque_nm: [torque_nm; 16],
+                validity: [Validity::Valid as u32; 16],
+                ..Estimates::default()
+            },
             ..TorqueEstimate::default()
         }
     }

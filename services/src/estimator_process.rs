@@ -2,13 +2,12 @@
 
 use std::sync::atomic::AtomicBool;
 
-use estimators::EstimatorError;
 use shm_types::bus::{Bus, BusError};
 use shm_types::instance::{Instance, InstanceError, Mode};
 use shm_types::topics::{self, Role};
 
 use crate::answering::{Service, serve};
-use crate::estimators::Estimators;
+use crate::estimators::{Estimators, EstimatorsError};
 
 /// Below everything the loop waits for.
 const FIFO_PRIORITY: u8 = 60;
@@ -24,7 +23,7 @@ pub enum EstimatorProcessError {
     Robot(#[from] robot::RobotError),
     /// The estimators cannot be made for this robot and rate.
     #[error(transparent)]
-    Estimator(#[from] EstimatorError),
+    Estimator(#[from] EstimatorsError),
     /// A topic cannot be opened.
     #[error(transparent)]
     Bus(#[from] BusError),
@@ -37,7 +36,7 @@ pub enum EstimatorProcessError {
 pub fn run(instance: &Instance, stop: &AtomicBool) -> Result<(), EstimatorProcessError> {
     let run = instance.run_config()?;
     let robot = robot::load(&run.robot)?;
-    let mut estimators = Estimators::new(&robot, run.period_ns as f64 * 1e-9)?;
+    let mut estimators = Estimators::new(&robot, &run.estimators, run.period_ns as f64 * 1e-9)?;
     let service = Service {
         role: Role::Estimator,
         fifo_priority: FIFO_PRIORITY,

@@ -179,7 +179,11 @@ fn joint_cycle(messages: &CycleMessages, sample: &SensorSample, joint: usize) ->
     let present = |value: f64| value.is_finite().then_some(value);
     let readings = &sample.readings;
     let command = messages.command.as_ref();
-    let estimate = messages.estimate.as_ref();
+    let estimate = messages.estimate.unwrap_or_default();
+    let [residual_nm, _] = estimate.residual.valid_nm(joint);
+    let [structural_damping_nm, _] = estimate.structural_damping.valid_nm(joint);
+    let [fusion_nm, fusion_std_nm] = estimate.fusion.valid_nm(joint);
+    let external = &estimate.external;
     JointCycle {
         reference_position_rad: command
             .and_then(|command| present(command.reference_position_rad[joint])),
@@ -196,10 +200,12 @@ fn joint_cycle(messages: &CycleMessages, sample: &SensorSample, joint: usize) ->
         joint_torque_nm: present(readings.joint_torque_nm[joint]),
         motor_current_a: present(readings.motor_current_a[joint]),
         temperature_c: present(readings.temperature_c[joint]),
-        estimate_residual_torque_nm: estimate
-            .and_then(|estimate| present(estimate.residual_torque_nm[joint])),
-        estimate_structural_damping_nm: estimate
-            .and_then(|estimate| present(estimate.structural_damping_torque_nm[joint])),
+        estimate_residual_torque_nm: present(residual_nm),
+        estimate_structural_damping_nm: present(structural_damping_nm),
+        estimate_fusion_nm: present(fusion_nm),
+        estimate_fusion_std_nm: present(fusion_std_nm),
+        estimate_external_nm: present(external.torque_nm[joint]),
+        estimate_external_std_nm: present(external.std_nm[joint]),
         segment: None,
     }
 }
@@ -243,6 +249,7 @@ mod tests {
             plant: None,
             control,
             options,
+            estimators: Vec::new(),
             mode: Mode::Lockstep,
             period_ns: 666_667,
             cycles: 1,

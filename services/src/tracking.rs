@@ -1,10 +1,14 @@
 //! How well the robot followed and how well its torque was estimated, summed up row by row.
 
+use std::collections::BTreeMap;
+
+use estimators::Kind;
 use joint_model::rigid_body::Chain;
 use robot::Robot;
 use serde::{Deserialize, Serialize};
-use shm_types::messages::{Command, LoopState, PerJoint};
+use shm_types::messages::{Command, LoopState, PerJoint, TorqueEstimate};
 
+use crate::estimators::of;
 use crate::relay::CycleMessages;
 
 /// File of the relay's report in the instance's directory.
@@ -78,12 +82,14 @@ pub struct JointTracking {
     pub position_error_rad: Option<ErrorSummary>,
     /// What the feedback had to add, joint side.
     pub feedback_torque_nm: Option<ErrorSummary>,
-    /// Residual estimate minus the torque truly transmitted.
-    pub residual_error_nm: Option<ErrorSummary>,
-    /// Structural-damping estimate minus the torque truly transmitted.
-    pub structural_damping_error_nm: Option<ErrorSummary>,
-    /// Fused estimate minus the torque truly transmitted.
-    pub fusion_error_nm: Option<ErrorSummary>,
+    /// Estimate minus the torque truly transmitted, estimator by estimator.
+    pub estimate_errors_nm: BTreeMap<Kind, ErrorSummary>,
+    /// What is estimated to push the link from outside.
+    pub external_torque_nm: Option<ErrorSummary>,
+    /// How often that went beyond its threshold.
+    pub contacts: u64,
+    /// When it did for the first time, from the first row in which the loop was running.
+    pub first_contact_s: Option<f64>,
 }
 
 /// The relay's account of a run.
@@ -113,9 +119,41 @@ pub struct TrackingReport {
 struct JointSums {
     position_rad: ErrorSum,
     feedback_nm: ErrorSum,
-    residual_nm: ErrorSum,
-    structural_damping_nm: ErrorSum,
-    fusion_nm: ErrorSum,
+    estimates_nm: [ErrorSum; Kind::ALL.len()],
+    external_nm: ErrorSum,
+    is_contact: bool,
+    contacts: u64,
+    first_contact_s: Option<f64>,
+}
+
+impl JointSums {
+    fn add_estimates(
+        &mut self,
+        estimate: &TorqueEstimate,
+        joint: usize,
+        torque_nm: f64,
+        since_s: f64,
+    ) {
+        let after_start = since_s > START_S;
+        for (kind, sum) in Kind::ALL.into_iter().zip(&mut self.estimates_nm) {
+            let [estimate_nm, _] = of(estimate, kind).valid_nm(joint);
+            sum.add(estimate_nm - torque_nm, after_start);
+        }
+        self.external_nm
+            .add(estimate.external.torque_nm[joint], after_start);
+        let is_contact = (estimate.external.contact_joints >> joint) & 1 == 1;
+        if is_contact && !self.is_contact {
+            self.contacts += 1;
+            self.first_contact_s.get_or_insert(since_s);
+        }
+        self.is_contact = is_contact;
+    }
+
+    fn estimate_errors_nm(&self) -> BTreeMap<Kind, ErrorSummary> {
+        let sums = Kind::ALL.into_iter().zip(&self.estimates_nm);
+        sums.filter_map(|(kind, sum)| Some((kind, sum.summary()?)))
+            .collect()
+    }
 }
 
 /// Sums up rows of one robot.
@@ -162,7 +200,8 @@ impl Tracking {
         let first_ns = *self
             .first_running_ns
             .get_or_insert(sample.header.measured_at_ns);
-        let after_start = (sample.header.measured_at_ns - first_ns) as f64 * 1e-9 > START_S;
+        let since_s = (sample.header.measured_at_ns - first_ns) as f64 * 1e-9;
+        let after_start = since_s > START_S;
         let position_rad = self.link_position_rad(row);
         self.saw_truth |= row.truth.is_some();
         for (joint, sums) in self.joints.iter_mut().enumerate() {
@@ -179,14 +218,7 @@ impl Tracking {
                 .truth
                 .map_or(sensor_nm, |truth| truth.joint_torque_nm[joint]);
             if let Some(estimate) = &row.estimate {
-                sums.residual_nm
-                    .add(estimate.residual_torque_nm[joint] - torque_nm, after_start);
-                sums.structural_damping_nm.add(
-                    estimate.structural_damping_torque_nm[joint] - torque_nm,
-                    after_start,
-                );
-                sums.fusion_nm
-                    .add(estimate.fusion_torque_nm[joint] - torque_nm, after_start);
+                sums.add_estimates(estimate, joint, torque_nm, since_s);
             }
         }
         self.end_effector_m
@@ -231,9 +263,10 @@ impl Tracking {
                 joint: name.clone(),
                 position_error_rad: sums.position_rad.summary(),
                 feedback_torque_nm: sums.feedback_nm.summary(),
-                residual_error_nm: sums.residual_nm.summary(),
-                structural_damping_error_nm: sums.structural_damping_nm.summary(),
-                fusion_error_nm: sums.fusion_nm.summary(),
+                estimate_errors_nm: sums.estimate_errors_nm(),
+                external_torque_nm: sums.external_nm.summary(),
+                contacts: sums.contacts,
+                first_contact_s: sums.first_contact_s,
             });
         TrackingReport {
             compared_with: if self.saw_truth { "plant" } else { "sensors" }.to_owned(),

@@ -62,6 +62,8 @@ pub struct RunConfig {
     pub control: ControlMode,
     /// How torque control makes its feedforward.
     pub options: ControlOptions,
+    /// Names of the torque estimators that run; all that the robot file has parameters for if none is named.
+    pub estimators: Vec<String>,
     /// How time passes.
     pub mode: Mode,
     /// Control period.

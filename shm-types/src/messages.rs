@@ -248,21 +248,116 @@ pub struct Command {
     pub reference_acceleration_rad_s2: PerJoint,
 }
 
-/// Estimator to whoever wants it: joint torque without a torque sensor. NaN where a joint lacks what it takes.
+/// Whether an estimator has a torque for a joint.
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Validity {
+    /// The estimator was not asked for, or the robot file has no parameters for it at this joint.
+    #[default]
+    Absent = 0,
+    /// A signal it needs was not measured: the torque is the last one there was.
+    Held = 1,
+    /// From this cycle's measurement.
+    Valid = 2,
+}
+
+impl Validity {
+    /// The validity a number from shared memory stands for.
+    pub fn from_raw(raw: u32) -> Option<Self> {
+        [Self::Absent, Self::Held, Self::Valid]
+            .into_iter()
+            .find(|validity| *validity as u32 == raw)
+    }
+}
+
+/// What one estimator says of every joint.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[type_name("FlexsplineEstimates")]
+pub struct Estimates {
+    /// Torque transmitted to the link, joint side; NaN where there never was one.
+    pub torque_nm: PerJoint,
+    /// One standard deviation of it; NaN where the estimator does not know it.
+    pub std_nm: PerJoint,
+    /// Cycles since the measurement that the torque comes from.
+    pub age_cycles: [u32; JOINTS_MAX],
+    /// A [`Validity`] as a number.
+    pub validity: [u32; JOINTS_MAX],
+}
+
+impl Default for Estimates {
+    /// Not there.
+    fn default() -> Self {
+        Self {
+            torque_nm: ABSENT,
+            std_nm: ABSENT,
+            age_cycles: [0; JOINTS_MAX],
+            validity: [Validity::Absent as u32; JOINTS_MAX],
+        }
+    }
+}
+
+impl Estimates {
+    /// Torque and its standard deviation from this very cycle's measurement, else NaN.
+    pub fn valid_nm(&self, joint: usize) -> [f64; 2] {
+        if self.validity[joint] == Validity::Valid as u32 {
+            [self.torque_nm[joint], self.std_nm[joint]]
+        } else {
+            [f64::NAN; 2]
+        }
+    }
+}
+
+/// What pushes the links from outside, as far as torque estimates tell: what neither gear nor rigid bodies explain.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[type_name("FlexsplineExternalTorque")]
+pub struct ExternalTorque {
+    /// About the joint's axis, joint side; NaN where there is none.
+    pub torque_nm: PerJoint,
+    /// One standard deviation of it, the model's tolerance included.
+    pub std_nm: PerJoint,
+    /// From this magnitude on it is a contact.
+    pub threshold_nm: PerJoint,
+    /// Joints in contact, one bit each.
+    pub contact_joints: u64,
+}
+
+impl Default for ExternalTorque {
+    /// Not known.
+    fn default() -> Self {
+        Self {
+            torque_nm: ABSENT,
+            std_nm: ABSENT,
+            threshold_nm: ABSENT,
+            contact_joints: 0,
+        }
+    }
+}
+
+/// Estimator to whoever wants it: joint torque without a torque sensor, by every estimator that was asked for.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
 #[type_name("FlexsplineTorqueEstimate")]
 pub struct TorqueEstimate {
     /// Cycle and instant of the sample it was computed from.
     pub header: Header,
-    /// Motor torque minus the model's friction and rotor inertia, joint side.
-    pub residual_torque_nm: PerJoint,
-    /// From the rate of the gear's torsion (structural damping), joint side; needs a link encoder.
-    pub structural_damping_torque_nm: PerJoint,
-    /// From torsion and motor-side momentum together, joint side; of joints whose robot file has it calibrated.
-    pub fusion_torque_nm: PerJoint,
-    /// One standard deviation of the same.
-    pub fusion_std_nm: PerJoint,
+    /// Motor torque minus the model's friction and rotor inertia.
+    pub residual: Estimates,
+    /// From the rate of the gear's torsion; needs a link encoder.
+    pub structural_damping: Estimates,
+    /// From torsion, with the wave generator's by motor torque (Zhang).
+    pub compliance: Estimates,
+    /// From torsion and torsion rate (Taghirad).
+    pub taghirad: Estimates,
+    /// From motor torque less calibrated friction (Vassileva).
+    pub disturbance_observer: Estimates,
+    /// From torsion, corrected by a Gaussian process (Xia).
+    pub gaussian_process: Estimates,
+    /// From torsion, torsion rate and motor-side momentum together.
+    pub fusion: Estimates,
+    /// What the fused torque and the rigid bodies leave over.
+    pub external: ExternalTorque,
 }
 
 /// Loop to observers: how the cycle went. Sent last in every cycle.
@@ -338,7 +433,9 @@ const _: () = {
     assert!(size_of::<DriveSample>() == 1064);
     assert!(size_of::<SensorSample>() == 1080);
     assert!(size_of::<Command>() == 936);
-    assert!(size_of::<TorqueEstimate>() == 544);
+    assert!(size_of::<Estimates>() == 384);
+    assert!(size_of::<ExternalTorque>() == 392);
+    assert!(size_of::<TorqueEstimate>() == 32 + 7 * 384 + 392);
     assert!(size_of::<LoopStatus>() == 32 + 8 + 9 * 8 + 128);
     assert!(size_of::<Heartbeat>() == 32);
     assert!(size_of::<PlantTruth>() == 544);
@@ -393,5 +490,7 @@ mod tests {
         assert_eq!(LoopState::from_raw(2), Some(LoopState::Running));
         assert_eq!(LoopState::from_raw(6), None);
         assert_eq!(DriveMode::from_raw(4), None);
+        assert_eq!(Validity::from_raw(2), Some(Validity::Valid));
+        assert_eq!(Validity::from_raw(3), None);
     }
 }

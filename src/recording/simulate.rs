@@ -72,6 +72,7 @@ fn config(arguments: &RecordingSimulateArguments, table: &Recording, robot: &Rob
         plant: None,
         control,
         options,
+        estimators: Vec::new(),
         mode: Mode::Lockstep,
         period_ns,
         cycles: 0,

@@ -183,6 +183,7 @@ fn run_config(controller: &Controller, course: &Course, seed: u64) -> RunConfig 
         plant: None,
         control: ControlMode::Torque,
         options: controller.options,
+        estimators: Vec::new(),
         mode: Mode::Lockstep,
         period_ns: PERIOD_NS,
         cycles: (course.duration_s * 1e9 / PERIOD_NS as f64).ceil() as u64,

@@ -151,6 +151,7 @@ impl Plan {
         loaded.sample(0.0, &mut start);
         if let Some(path) = &arguments.inject {
             robot::load_injection(path, &robot).map_err(CliError::input)?;
+            robot::load_pushes(path, &robot).map_err(CliError::input)?;
         }
         let plant = arguments
             .plant
@@ -159,6 +160,8 @@ impl Plan {
         if let Some(plant) = &plant {
             check_plant(plant, &robot)?;
         }
+        services::estimators::kinds(&arguments.estimators)
+            .map_err(|error| CliError::Input(format!("--estimators: {error}")))?;
         let record = recording_path(arguments, &robot.name, &trajectory)?;
         let config = RunConfig {
             session: new_session(),
@@ -168,6 +171,7 @@ impl Plan {
             plant,
             control: arguments.control.into(),
             options: control_options(arguments),
+            estimators: arguments.estimators.clone(),
             mode: arguments.mode.into(),
             period_ns: PERIOD_NS,
             cycles,

@@ -4,6 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use comfy_table::{CellAlignment, Table, presets};
+use estimators::Kind;
 use rt_loop::report::{LoopReport, Quantiles};
 use serde::Serialize;
 use services::tracking::{ErrorSummary, TrackingReport};
@@ -182,12 +183,6 @@ fn show_tracking(f: &mut fmt::Formatter<'_>, tracking: &TrackingReport) -> fmt::
         "tracking rms, mrad",
         "max, mrad",
         "feedback rms, Nm",
-        "residual estimate rms, Nm",
-        "max, Nm",
-        "structural damping rms, Nm",
-        "max, Nm",
-        "fusion rms, Nm",
-        "max, Nm",
     ]);
     for joint in &tracking.joints {
         let mut row = vec![joint.joint.clone()];
@@ -197,12 +192,11 @@ fn show_tracking(f: &mut fmt::Formatter<'_>, tracking: &TrackingReport) -> fmt::
                 .into_iter()
                 .take(1),
         );
-        row.extend(rms_and_max(&joint.residual_error_nm, 1.0));
-        row.extend(rms_and_max(&joint.structural_damping_error_nm, 1.0));
-        row.extend(rms_and_max(&joint.fusion_error_nm, 1.0));
         joints.add_row(row);
     }
     writeln!(f, "{joints}")?;
+    show_estimates(f, tracking)?;
+    show_contacts(f, tracking)?;
     let lost = if tracking.lost_rows > 0 {
         format!(", {} lost", tracking.lost_rows)
     } else {
@@ -211,6 +205,69 @@ fn show_tracking(f: &mut fmt::Formatter<'_>, tracking: &TrackingReport) -> fmt::
     writeln!(f, "recorded: {} rows{lost}", tracking.recorded_rows)?;
     if let Some(error) = &tracking.recording_error {
         writeln!(f, "recording ended early: {error}")?;
+    }
+    Ok(())
+}
+
+/// Every estimator that gave a torque, against what the plant, or its torque sensor, says.
+fn show_estimates(f: &mut fmt::Formatter<'_>, tracking: &TrackingReport) -> fmt::Result {
+    let errors = |kind: &Kind| {
+        let joints = tracking.joints.iter();
+        joints
+            .filter_map(|joint| joint.estimate_errors_nm.get(kind))
+            .count()
+    };
+    let kinds: Vec<Kind> = Kind::ALL
+        .into_iter()
+        .filter(|kind| errors(kind) > 0)
+        .collect();
+    if kinds.is_empty() {
+        return Ok(());
+    }
+    let mut header = vec!["torque estimate minus".to_owned() + " " + torque_source(tracking)];
+    for kind in &kinds {
+        header.push(format!("{} rms, Nm", kind.name()));
+        header.push("max".to_owned());
+    }
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    let mut estimates = table(&header);
+    for joint in &tracking.joints {
+        let mut row = vec![joint.joint.clone()];
+        for kind in &kinds {
+            let error = joint.estimate_errors_nm.get(kind).copied();
+            row.extend(rms_and_max(&error, 1.0));
+        }
+        estimates.add_row(row);
+    }
+    writeln!(f, "{estimates}")
+}
+
+fn torque_source(tracking: &TrackingReport) -> &'static str {
+    if tracking.compared_with == "plant" {
+        "the plant's torque"
+    } else {
+        "the torque sensor"
+    }
+}
+
+fn show_contacts(f: &mut fmt::Formatter<'_>, tracking: &TrackingReport) -> fmt::Result {
+    for joint in &tracking.joints {
+        let Some(external) = &joint.external_torque_nm else {
+            continue;
+        };
+        write!(
+            f,
+            "{}: external torque {:.2} Nm rms, {:.2} Nm at most; ",
+            joint.joint, external.rms, external.max
+        )?;
+        match joint.first_contact_s {
+            Some(first_s) => writeln!(
+                f,
+                "contacts {}, the first at {first_s:.3} s",
+                joint.contacts
+            )?,
+            None => writeln!(f, "no contact")?,
+        }
     }
     Ok(())
 }

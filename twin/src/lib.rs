@@ -15,7 +15,6 @@
 //! ```
 #![forbid(unsafe_code)]
 
-use estimators::EstimatorError;
 use motion::Trajectory;
 use plant_emulator::drives::EmulatedDrives;
 use plant_emulator::process::emulated_plant;
@@ -26,7 +25,7 @@ use rt_loop::cycle::{CycleInput, CycleState, Fault, loop_status};
 use rt_loop::process::cycle_config;
 use rt_loop::statistics::{Counters, CycleTimes};
 use services::controller::Controller;
-use services::estimators::Estimators;
+use services::estimators::{Estimators, EstimatorsError};
 use services::feedforward::FeedforwardError;
 use services::relay::{CycleMessages, record_row, recording_header};
 use services::tracking::{Tracking, TrackingReport};
@@ -44,7 +43,7 @@ pub enum TwinError {
     Feedforward(#[from] FeedforwardError),
     /// An estimator cannot be built.
     #[error(transparent)]
-    Estimator(#[from] EstimatorError),
+    Estimator(#[from] EstimatorsError),
     /// The recording cannot be written.
     #[error(transparent)]
     Recording(#[from] WriteError),
@@ -79,7 +78,7 @@ impl<'a> Robots<'a> {
 
 /// Runs `run.cycles` cycles and hands every cycle's messages to `each`, until it returns `false`.
 ///
-/// Of `run` only session, period, cycles, control mode and options, seed and initial position count.
+/// Of `run` only session, period, cycles, control mode and options, estimators, seed and initial position count.
 ///
 /// # Errors
 /// [`TwinError`], also when the loop stopped for safety.
@@ -91,7 +90,7 @@ pub fn simulate(
     each: impl FnMut(&CycleMessages) -> bool,
 ) -> Result<(), TwinError> {
     let plant = emulated_plant(robots.plant, run, injections)?;
-    control(run, robots.model, plant, trajectory, each)
+    simulate_plant(run, robots.model, plant, trajectory, each)
 }
 
 /// Runs as [`simulate`] does on a plant that is what the robot file says and nothing else: the nominal model.
@@ -112,10 +111,14 @@ pub fn simulate_nominal(
         &run.initial_position_rad,
         run.period_ns as f64 * 1e-9,
     )?;
-    control(run, robot, plant, trajectory, each)
+    simulate_plant(run, robot, plant, trajectory, each)
 }
 
-fn control(
+/// Runs as [`simulate`] does on a plant that was built before, with `robot` as the controller's model.
+///
+/// # Errors
+/// [`TwinError`], also when the loop stopped for safety.
+pub fn simulate_plant(
     run: &RunConfig,
     robot: &Robot,
     plant: Plant,
@@ -125,7 +128,7 @@ fn control(
     let config = cycle_config(run, robot);
     let period_s = run.period_ns as f64 * 1e-9;
     let mut controller = Controller::new(run, robot.clone(), trajectory)?;
-    let mut estimators = Estimators::new(robot, period_s)?;
+    let mut estimators = Estimators::new(robot, &run.estimators, period_s)?;
     let joint_count = robot.joints.len();
     let mut drives = EmulatedDrives::new(plant, run.session, joint_count);
     drives.take(brake(run, joint_count));

@@ -1,8 +1,8 @@
 //! Fit of the fused estimator: its torsion law, then how wrong that law still is.
 //!
 //! The law is fitted twice: on the readings as they are, then on the motion that the filter with the first law makes of them,
-//! whose rates are less noisy than a difference. Friction is the disturbance observer's; the filter corrects it anyway. The
-//! link's inertia is the robot file's, about the joint with the arm behind it as it stood.
+//! whose rates are less noisy than a difference. Friction is the disturbance observer's; the filter corrects it anyway.
+//! Inertia and gravity of the link are those of [`link`](super::link).
 
 use robot::estimators::FusionParameters;
 
@@ -48,6 +48,7 @@ impl Bench<'_> {
         };
         let mean = |[positive, negative]: [f64; 2]| (0.5 * (positive + negative)).max(0.0);
         let twist_rad = 0.5 * range(self.torsions_rad().into_iter());
+        let link = self.link();
         let frame = FusionParameters {
             zero_rad: compliance.zero_rad,
             kinematic_error: compliance.kinematic_error.clone(),
@@ -58,7 +59,9 @@ impl Bench<'_> {
             damping_nm_s_rad: 0.0,
             coulomb_nm: mean(observer.coulomb_nm),
             viscous_nm_s_rad: mean(observer.viscous_nm_s_rad),
-            link_inertia_kg_m2: self.link_inertia_kg_m2,
+            link_inertia_kg_m2: link.inertia_kg_m2,
+            gravity_share: link.gravity_share,
+            free_std_nm: link.left_nm,
             moving_std_nm: 0.0,
             resting_std_nm: 0.0,
         };
@@ -67,6 +70,8 @@ impl Bench<'_> {
         let filtered = self.filtered_motion(&first)?;
         let start = values(&first);
         let (mut law, solution) = self.law(&frame, &start, &filtered);
+        // to the filter, what the law misses is a torque on the link
+        law.free_std_nm = link.left_nm.hypot(solution.rms);
         (law.moving_std_nm, law.resting_std_nm) = self.model_stds_nm(&law, found)?;
         found.parameters.fusion = Some(law);
         found.keep(Kind::Fusion, solution, 1);

@@ -6,6 +6,7 @@
 
 mod fusion;
 mod least_squares;
+mod link;
 mod models;
 mod process;
 
@@ -330,31 +331,26 @@ fn range(values: impl Iterator<Item = f64>) -> f64 {
     high - low
 }
 
-/// The model's gravity where the joint moves slowly and evenly.
+/// The model's gravity where the joint moves slowly and evenly, for a while: a mean over that while would take a fast swing for
+/// rest.
 fn slow_gravity_nm(joint: &RobotJoint, log: &JointLog) -> Vec<f64> {
     const HALF_WINDOW_S: f64 = 0.1;
-    let velocity = log.slow_velocity_rad_s(joint.gear_ratio, HALF_WINDOW_S);
+    const HALF_DIFFERENCE_S: f64 = 0.01;
+    let velocity = log.slow_velocity_rad_s(joint.gear_ratio, HALF_DIFFERENCE_S);
     let half = (HALF_WINDOW_S / log.period_s).round().max(1.0) as usize;
-    (0..log.rows())
-        .map(|row| {
-            let at = |row: Option<usize>| {
-                row.and_then(|row| velocity.get(row))
-                    .copied()
-                    .unwrap_or(f64::NAN)
-            };
-            let (before, now, after) = (
-                at(row.checked_sub(half)),
-                velocity[row],
-                at(Some(row + half)),
-            );
-            let acceleration = (after - before) / (2.0 * HALF_WINDOW_S);
-            if now.abs() < SLOW_RAD_S && acceleration.abs() < EVEN_RAD_S2 {
-                log.gravity_nm[row]
-            } else {
-                f64::NAN
-            }
-        })
-        .collect()
+    let is_slow = |row: usize| {
+        let around = row
+            .checked_sub(half)
+            .and_then(|first| velocity.get(first..=row + half))?;
+        let known = around.iter().all(|velocity| velocity.abs() < SLOW_RAD_S);
+        let change_rad_s = range(around.iter().copied());
+        Some(known && change_rad_s < EVEN_RAD_S2 * 2.0 * HALF_WINDOW_S)
+    };
+    let gravity = |row: usize| match is_slow(row) {
+        Some(true) => log.gravity_nm[row],
+        _ => f64::NAN,
+    };
+    (0..log.rows()).map(gravity).collect()
 }
 
 /// Torque per acceleration of the joint alone, the arm as it stood in the recording's middle.

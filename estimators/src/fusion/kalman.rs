@@ -1,7 +1,7 @@
 //! The covariance of the fused estimator, changed in place by the few entries that each step touches.
 //!
 //! A transition `F = I + e_i rᵀ` changes row and column `i` only: `P ← F P Fᵀ` in two passes over one row. The filter's
-//! transition is a product of four of these, velocities first, then positions.
+//! transition is a product of a few of these, velocities first, then positions.
 
 /// States of the filter.
 pub const STATES: usize = 6;

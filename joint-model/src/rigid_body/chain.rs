@@ -115,6 +115,17 @@ impl Chain {
         })
     }
 
+    /// The same chain with mass and inertia of one link multiplied by `factor`.
+    ///
+    /// # Errors
+    /// [`ChainError`], naming the link.
+    pub fn with_heavier_link(&self, index: usize, factor: f64) -> Result<Self, ChainError> {
+        let mut links = self.links.clone();
+        links[index].mass_kg *= factor;
+        links[index].inertia_kg_m2 *= factor;
+        Self::new(&links, self.gravity_m_s2, self.tool)
+    }
+
     /// Number of joints, 1 to [`JOINTS_MAX`].
     pub fn joint_count(&self) -> usize {
         self.bodies.len()

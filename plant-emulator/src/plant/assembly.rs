@@ -55,6 +55,8 @@ pub(super) fn assemble(
     let sample = PlantSample::empty(joints.len());
     let mut plant = Plant {
         joints,
+        pushes: Vec::new(),
+        external_nm: [0.0; JOINTS_MAX],
         chains,
         chain: 0,
         link_position_rad,

@@ -1,4 +1,5 @@
-//! The two motions: swings, a slow sweep and holds to calibrate; other swings, other holds and a held minute to judge.
+//! The motions: swings, a slow sweep and holds to calibrate; other swings, other holds and a held minute to judge; an hour of
+//! swings, steps and holds that never repeat, to count false alarms.
 //!
 //! SD does not print its motions; these load the joint with up to 15 Nm, its rated torque, by swinging the link.
 
@@ -6,12 +7,13 @@ use std::f64::consts::TAU;
 use std::fmt::Write;
 
 /// A motion from rest to rest.
+#[derive(Clone, Copy)]
 pub struct Motion {
     /// Of its files.
     pub name: &'static str,
     /// When it is over.
     pub duration_s: f64,
-    position_rad: fn(f64) -> f64,
+    pub(super) position_rad: fn(f64) -> f64,
 }
 
 /// SD Fig. 7.
@@ -26,6 +28,13 @@ pub const JUDGEMENT: Motion = Motion {
     name: "second",
     duration_s: 128.0,
     position_rad: judgement_rad,
+};
+
+/// An hour with nobody near.
+pub const ROUTINE: Motion = Motion {
+    name: "routine",
+    duration_s: 3600.0,
+    position_rad: routine_rad,
 };
 
 /// Between waypoints; a spline through them follows 3.3 Hz.
@@ -117,4 +126,35 @@ fn judgement_rad(time_s: f64) -> f64 {
         .map(|[begin_s, takes_s, rad]| step(time_s, *begin_s, *takes_s, *rad))
         .sum();
     swung + stepped
+}
+
+/// Blocks of swings, every fourth one a step, a hold and the way back, all of their own size and speed.
+fn routine_rad(time_s: f64) -> f64 {
+    const BLOCK_S: f64 = 12.0;
+    const SPEED_RAD_S: f64 = 2.2;
+    const ACCELERATION_RAD_S2: f64 = 22.0;
+    let block = (time_s / BLOCK_S).floor();
+    let begin_s = block * BLOCK_S;
+    let of = |base: f64| spread(block + 1.0, base);
+    if block % 4.0 == 3.0 {
+        let rad = 1.3 * (2.0 * of(2.0) - 1.0);
+        return step(time_s, begin_s, 1.2, rad) - step(time_s, begin_s + 10.0, 1.2, rad);
+    }
+    let hz = 0.15 + 1.35 * of(3.0);
+    let most_rad = (SPEED_RAD_S / (TAU * hz)).min(ACCELERATION_RAD_S2 / (TAU * hz).powi(2));
+    let rad = (0.1 + 0.8 * of(2.0)).min(most_rad);
+    let fast = [0.04 * of(7.0), 1.5 + 1.5 * of(5.0), 0.0];
+    let span = [begin_s, begin_s + BLOCK_S];
+    swing(time_s, span, &[[rad, hz, TAU * of(5.0)], fast])
+}
+
+/// The index-th of numbers that fill 0 to 1 evenly (van der Corput, 1935).
+fn spread(index: f64, base: f64) -> f64 {
+    let (mut left, mut digit, mut value) = (index, 1.0, 0.0);
+    while left >= 1.0 {
+        digit /= base;
+        value += digit * (left % base).floor();
+        left = (left / base).floor();
+    }
+    value
 }
