@@ -31,6 +31,10 @@ pub enum Command {
     Recording(RecordingCommand),
     /// Calibrate the torque estimators, or compare them with a torque sensor
     Estimate(EstimateArguments),
+    /// Live view of a running instance in the terminal
+    Monitor(MonitorArguments),
+    /// What real-time abilities this machine grants, what is missing, and how to get it
+    Doctor(DoctorArguments),
     /// One process of a running instance; started by `run`
     #[command(hide = true)]
     Process(ProcessArguments),
@@ -548,6 +552,57 @@ impl From<WaitArgument> for Wait {
             WaitArgument::Spin => Self::Spin,
         }
     }
+}
+
+/// `flexspline doctor`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline doctor                    everything, with two seconds of wake-ups on the loop's core
+  flexspline doctor --no-probe         only what can be read
+  flexspline doctor --json doctor.json --probe 60s
+
+What is granted is read back from a thread that asks for what the loop asks for. Call it as the user, and in the unit or
+container, that will run the robot: limits differ. Nothing is changed.
+Exit code: 0 the loop gets what it asks for, 1 something is missing, 2 bad input.")]
+pub struct DoctorArguments {
+    /// How long the probe wakes up on the loop's core, as 2s or 500ms
+    #[arg(long, default_value = "2s", value_name = "D", value_parser = humantime::parse_duration)]
+    pub probe: Duration,
+    /// Leave the probe out: nothing is asked of the kernel
+    #[arg(long, conflicts_with = "probe")]
+    pub no_probe: bool,
+    /// Where to write the findings as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// `flexspline monitor`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline monitor                       the instance `default`, until q is pressed or the run ends
+  flexspline monitor --instance arm1
+  flexspline monitor --once                what the screen shows after listening for a second, as text
+  flexspline monitor --once --json -       the same for programs
+
+Keys: e stops the robot at once; r, then y, leaves a safe stop; c counts times anew; q leaves, and the robot goes on.
+It reads what the relay hands on, and runs on the core of the relay: the loop does not notice. A stop by key is a
+convenience: people near the robot need a switch wired to the drives.
+Exit code: 0 done or the run has ended, 1 nothing came, 2 bad input or no such instance.")]
+pub struct MonitorArguments {
+    /// Name of the instance
+    #[arg(long, default_value = "default", value_name = "NAME")]
+    pub instance: String,
+    /// Listen for a while, show what came, and end
+    #[arg(long)]
+    pub once: bool,
+    /// How long --once listens, as 1s or 500ms
+    #[arg(long, default_value = "1s", value_name = "D", value_parser = humantime::parse_duration)]
+    pub listen: Duration,
+    /// With --once, where to write what came as JSON; - for standard output
+    #[arg(long, value_name = "PATH", requires = "once")]
+    pub json: Option<PathBuf>,
 }
 
 /// `flexspline process`

@@ -1,9 +1,11 @@
 //! The command line of Flexspline.
 
 mod cli;
+mod doctor;
 mod error;
 mod estimate;
 mod identify;
+mod monitor;
 mod output;
 mod process;
 mod recording;
@@ -34,6 +36,8 @@ fn main() -> ExitCode {
         Command::Recording(command) => recording::recording(&command),
         Command::Reproduce(arguments) => reproduce::reproduce(&arguments),
         Command::Estimate(arguments) => estimate::estimate(&arguments),
+        Command::Monitor(arguments) => monitor::monitor(&arguments),
+        Command::Doctor(arguments) => doctor::doctor(&arguments),
         Command::Process(arguments) => process::run(&arguments),
     };
     match outcome {

@@ -1,5 +1,6 @@
 //! Asking for real-time treatment, and reporting what was granted.
 
+use std::fmt;
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 
@@ -31,6 +32,30 @@ pub struct Grant {
     pub dma_latency_held: bool,
     /// What was asked for and refused, one line each, with the kernel's reason.
     pub refused: Vec<String>,
+}
+
+impl fmt::Display for Grant {
+    /// What was granted, without what was refused.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.fifo_priority {
+            Some(priority) => write!(f, "SCHED_FIFO {priority}")?,
+            None => f.write_str("ordinary scheduler")?,
+        }
+        match self.core {
+            Some(core) => write!(f, ", core {core}")?,
+            None => f.write_str(", any core")?,
+        }
+        f.write_str(if self.memory_locked {
+            ", memory locked"
+        } else {
+            ", memory not locked"
+        })?;
+        f.write_str(if self.dma_latency_held {
+            ", deep sleep off"
+        } else {
+            ", deep sleep possible"
+        })
+    }
 }
 
 /// Held for as long as the grant shall last.

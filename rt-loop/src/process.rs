@@ -43,7 +43,7 @@ const RECHECK_NS: u64 = 100_000;
 /// Cycles between heartbeats: 100 ms at 1.5 kHz.
 const HEARTBEAT_CYCLES: u64 = 150;
 /// SCHED_FIFO priority of the loop: above everything else of the instance.
-const FIFO_PRIORITY: u8 = 80;
+pub const FIFO_PRIORITY: u8 = 80;
 /// From opening the topics to the first cycle.
 const START_DELAY_NS: u64 = 20_000_000;
 
@@ -151,6 +151,16 @@ fn joint_limits(robot: &Robot, index: usize) -> JointLimits {
     }
 }
 
+/// What the loop's thread asks of the kernel.
+pub fn treatment(core: Option<usize>) -> Request {
+    Request {
+        fifo_priority: Some(FIFO_PRIORITY),
+        core,
+        lock_memory: true,
+        hold_dma_latency: true,
+    }
+}
+
 struct Loop<D> {
     driver: D,
     run: RunConfig,
@@ -235,12 +245,7 @@ impl<D: Driver> Loop<D> {
         let realtime = self.run.mode == Mode::Realtime;
         let held = realtime.then(|| {
             let core = self.run.core_of(Role::Loop);
-            apply(&Request {
-                fifo_priority: Some(FIFO_PRIORITY),
-                core,
-                lock_memory: true,
-                hold_dma_latency: true,
-            })
+            apply(&treatment(core))
         });
         let begun_ns = monotonic_ns();
         let epoch_ns = if realtime {

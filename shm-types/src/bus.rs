@@ -11,6 +11,7 @@ use iceoryx2::prelude::*;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use iceoryx2_bb_posix::file_descriptor::FileDescriptorBased;
 
+use realtime::process::user_id;
 use realtime::wait::readable;
 
 use crate::instance::Instance;
@@ -69,6 +70,9 @@ impl Bus {
             .config(&config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<Ipc>()
+            .map_err(|error| join_error(error.to_string()))?;
+        instance
+            .close_shared_memory(user_id())
             .map_err(|error| join_error(error.to_string()))?;
         Ok(Self { node })
     }
@@ -318,8 +322,6 @@ impl Listener {
 
 #[cfg(test)]
 mod tests {
-    use realtime::process::user_id;
-
     use super::*;
     use crate::topics::COMMAND_READY;
 

@@ -3,9 +3,9 @@
 //! The directory holds what its processes need to find each other (`run.json`, the middleware's files) and what they
 //! leave for the report. It belongs to one user; nobody else may enter.
 
-use std::fs;
+use std::fs::{self, Permissions};
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use iceoryx2::config::Config;
@@ -87,19 +87,24 @@ pub struct RunConfig {
 }
 
 impl RunConfig {
-    /// The core a process is pinned to: the loop has the last one to itself, the others one each below it, and those
-    /// left share the first. `None`, the kernel's choice, where there is only one core.
+    /// The core a process is pinned to, of the cores the processes may use.
     pub fn core_of(&self, role: Role) -> Option<usize> {
-        let from_the_top = match role {
-            Role::Loop => 0,
-            Role::Feedforward => 1,
-            Role::Emulator => 2,
-            Role::Estimator => 3,
-            Role::Relay => 4,
-        };
-        let last = self.cores.len().checked_sub(1).filter(|&last| last > 0)?;
-        Some(self.cores[last - from_the_top.min(last)])
+        core_of(role, &self.cores)
     }
+}
+
+/// The core a process is pinned to: the loop has the last of `cores` to itself, the others one each below it, and those
+/// left share the first. `None`, the kernel's choice, where there is only one core.
+pub fn core_of(role: Role, cores: &[usize]) -> Option<usize> {
+    let from_the_top = match role {
+        Role::Loop => 0,
+        Role::Feedforward => 1,
+        Role::Emulator => 2,
+        Role::Estimator => 3,
+        Role::Relay => 4,
+    };
+    let last = cores.len().checked_sub(1).filter(|&last| last > 0)?;
+    Some(cores[last - from_the_top.min(last)])
 }
 
 /// Why an instance cannot be used.
@@ -141,6 +146,12 @@ pub enum InstanceError {
 /// 13 for the prefix, up to 45 for what the middleware adds.
 const NAME_BYTES_MAX: usize = 16;
 
+/// How often a directory is removed in which somebody makes files meanwhile.
+const WIPE_TRIES: usize = 100;
+
+/// What group and others may do, in a file's mode.
+const OTHERS: u32 = 0o077;
+
 /// One running robot's directory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Instance {
@@ -160,7 +171,7 @@ impl Instance {
                 name: name.to_owned(),
             });
         }
-        let directory = PathBuf::from(format!("/tmp/flexspline-{user_id}")).join(name);
+        let directory = directory_of(user_id).join(name);
         Ok(Self {
             name: name.to_owned(),
             directory,
@@ -187,13 +198,38 @@ impl Instance {
         self.directory.with_extension("lock")
     }
 
+    /// Names of the user's instances that have a directory or a lock file, running or not.
+    pub fn names(user_id: u32) -> Vec<String> {
+        let entries = fs::read_dir(directory_of(user_id)).into_iter().flatten();
+        let mut names: Vec<String> = entries
+            .flatten()
+            .map(|entry| entry.path())
+            .filter_map(|path| Some(path.file_stem()?.to_string_lossy().into_owned()))
+            .collect();
+        names.sort_unstable();
+        names.dedup();
+        names
+    }
+
     /// Makes the parent directory and checks that it is the caller's alone.
     ///
     /// # Errors
     /// [`InstanceError::Access`] if another user owns it or may enter it, [`InstanceError::File`] if it cannot be made.
     pub fn make_parent(&self, user_id: u32) -> Result<(), InstanceError> {
-        let parent = self.directory.parent().unwrap_or(Path::new("/tmp"));
-        make_private_directory(parent)?;
+        make_private_directory(self.parent())?;
+        self.check_parent(user_id)
+    }
+
+    fn parent(&self) -> &Path {
+        self.directory.parent().unwrap_or(Path::new("/tmp"))
+    }
+
+    /// Checks that the parent directory is the caller's alone.
+    ///
+    /// # Errors
+    /// [`InstanceError::Access`] if another user owns it or may enter it, [`InstanceError::File`] if it is not there.
+    pub fn check_parent(&self, user_id: u32) -> Result<(), InstanceError> {
+        let parent = self.parent();
         let file_error = |source| InstanceError::File {
             path: parent.to_owned(),
             source,
@@ -214,7 +250,7 @@ impl Instance {
                 metadata.uid()
             ));
         }
-        if metadata.mode() & 0o077 != 0 {
+        if metadata.mode() & OTHERS != 0 {
             return refuse(format!(
                 "is open to others (mode {:03o}); run chmod 700 on it",
                 metadata.mode() & 0o777
@@ -234,15 +270,69 @@ impl Instance {
     /// Removes the directory and every shared memory file of the instance. The caller holds its lock.
     ///
     /// # Errors
-    /// [`InstanceError::File`] for the first file that cannot be removed.
+    /// [`InstanceError::File`] for the first file that cannot be removed. Files that another user has put there stay.
     pub fn wipe(&self) -> Result<(), InstanceError> {
-        let prefix = self.ipc_prefix();
-        for entry in fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
-            if entry.file_name().to_string_lossy().starts_with(&prefix) {
-                ignore_missing(fs::remove_file(entry.path()), &entry.path())?;
+        // The directory first: without it nobody else joins. An observer that is just joining may still put files into it.
+        let mut outcome = fs::remove_dir_all(&self.directory);
+        for _ in 1..WIPE_TRIES {
+            match outcome {
+                Err(error) if error.kind() == io::ErrorKind::DirectoryNotEmpty => {
+                    outcome = fs::remove_dir_all(&self.directory);
+                }
+                _ => break,
             }
         }
-        ignore_missing(fs::remove_dir_all(&self.directory), &self.directory)
+        ignore_missing(outcome, &self.directory)?;
+        for path in self.shared_memory_files() {
+            match fs::remove_file(&path) {
+                // Another user's: whoever joins is told so.
+                Err(error) if error.kind() == io::ErrorKind::PermissionDenied => (),
+                outcome => ignore_missing(outcome, &path)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes sure that no other user can open the instance's shared memory.
+    ///
+    /// The middleware (iceoryx2 0.10) gives all its files to their owner alone but one, the counter of its nodes, which
+    /// it opens to everybody: who may write to it could keep a service from being started again.
+    ///
+    /// # Errors
+    /// [`InstanceError::Access`] if another user has put a file there, [`InstanceError::File`] if one cannot be closed.
+    pub fn close_shared_memory(&self, user_id: u32) -> Result<(), InstanceError> {
+        for path in self.shared_memory_files() {
+            let metadata = match fs::symlink_metadata(&path) {
+                // Processes come and go.
+                Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+                metadata => metadata.map_err(|source| InstanceError::File {
+                    path: path.clone(),
+                    source,
+                })?,
+            };
+            if metadata.uid() != user_id {
+                let reason = format!(
+                    "belongs to user {}, not to {user_id}; ask its owner to remove it",
+                    metadata.uid()
+                );
+                return Err(InstanceError::Access { path, reason });
+            }
+            if metadata.mode() & OTHERS != 0 {
+                ignore_missing(
+                    fs::set_permissions(&path, Permissions::from_mode(0o600)),
+                    &path,
+                )?;
+            }
+        }
+        Ok(())
+    }
+
+    fn shared_memory_files(&self) -> impl Iterator<Item = PathBuf> {
+        let prefix = self.ipc_prefix();
+        let files = fs::read_dir("/dev/shm").into_iter().flatten().flatten();
+        files
+            .filter(move |entry| entry.file_name().to_string_lossy().starts_with(&prefix))
+            .map(|entry| entry.path())
     }
 
     /// Removes the lock file too, and the parent directory if this was the last instance. The caller holds the lock,
@@ -254,10 +344,8 @@ impl Instance {
         self.wipe()?;
         let lock = self.lock_file();
         ignore_missing(fs::remove_file(&lock), &lock)?;
-        if let Some(parent) = self.directory.parent() {
-            // Other instances may live there.
-            let _ = fs::remove_dir(parent);
-        }
+        // Other instances may live there.
+        let _ = fs::remove_dir(self.parent());
         Ok(())
     }
 
@@ -288,7 +376,11 @@ impl Instance {
     ///
     /// # Errors
     /// [`InstanceError::File`].
-    pub fn write_report<T: Serialize>(&self, name: &str, report: &T) -> Result<(), InstanceError> {
+    pub fn write_report<T: Serialize + ?Sized>(
+        &self,
+        name: &str,
+        report: &T,
+    ) -> Result<(), InstanceError> {
         let path = self.file(name);
         let file_error = |source| InstanceError::File {
             path: path.clone(),
@@ -358,6 +450,11 @@ impl Instance {
     }
 }
 
+/// The directory of all instances of a user.
+fn directory_of(user_id: u32) -> PathBuf {
+    PathBuf::from(format!("/tmp/flexspline-{user_id}"))
+}
+
 fn make_private_directory(path: &Path) -> Result<(), InstanceError> {
     match fs::DirBuilder::new().mode(0o700).create(path) {
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(()),
@@ -396,6 +493,27 @@ mod tests {
             assert!(Instance::new(name, 0).is_err(), "{name}");
         }
         assert!(Instance::new("robot-1_A", 0).is_ok());
+    }
+
+    #[test]
+    fn shared_memory_is_closed_to_others_and_others_files_are_refused() {
+        let user = realtime::process::user_id();
+        let name = format!("closed-{}", std::process::id());
+        let instance = Instance::new(&name, user).expect("a good name");
+        let path = PathBuf::from(format!("/dev/shm/{}counter", instance.ipc_prefix()));
+        fs::write(&path, "x").expect("shared memory is there");
+        fs::set_permissions(&path, Permissions::from_mode(0o666)).expect("our own file");
+        instance.close_shared_memory(user).expect("our own file");
+        let mode = fs::metadata(&path).expect("still there").mode();
+        let refused = instance.close_shared_memory(user + 1);
+        instance.wipe().expect("our own file");
+        assert_eq!(mode & 0o777, 0o600);
+        let message = refused.expect_err("another user's").to_string();
+        assert!(
+            message.contains("counter") && message.contains("remove it"),
+            "{message}"
+        );
+        assert!(!path.exists(), "wiped");
     }
 
     #[test]

@@ -1,12 +1,13 @@
 //! Messages and topics of the control loop over shared memory.
 //!
 //! [`messages`] are plain data of fixed layout, [`topics`] name who may write and read them, [`instance`] is the
-//! directory one running robot owns, [`bus`] is how a process joins it. No control logic lives here.
+//! directory one running robot owns, [`bus`] is how a process joins it, [`roster`] lists those who have. No control logic lives here.
 
 pub mod bus;
 pub mod control_options;
 pub mod instance;
 pub mod messages;
+pub mod roster;
 pub mod topics;
 
 /// The most joints a message carries.

@@ -408,6 +408,38 @@ pub struct Heartbeat {
     pub cycle: u64,
 }
 
+/// What an operator may ask of a running instance.
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OperatorOrder {
+    /// Close the brakes now.
+    EmergencyStop = 1,
+    /// Leave the safe stop.
+    Reset = 2,
+}
+
+impl OperatorOrder {
+    /// The order a number from shared memory stands for.
+    pub fn from_raw(raw: u32) -> Option<Self> {
+        [Self::EmergencyStop, Self::Reset]
+            .into_iter()
+            .find(|order| *order as u32 == raw)
+    }
+}
+
+/// Operator to supervisor: an order to be passed on to the loop.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ZeroCopySend)]
+#[type_name("FlexsplineOperatorRequest")]
+pub struct OperatorRequest {
+    /// The run it is meant for, as `run.json` and every message of the run have it.
+    pub session: u64,
+    /// An [`OperatorOrder`] as a number; anything else is ignored.
+    pub order: u32,
+    /// Not used; zero.
+    pub reserved: u32,
+}
+
 /// Emulator to relay: what the plant really does. No estimator or controller may read it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
@@ -438,6 +470,7 @@ const _: () = {
     assert!(size_of::<TorqueEstimate>() == 32 + 7 * 384 + 392);
     assert!(size_of::<LoopStatus>() == 32 + 8 + 9 * 8 + 128);
     assert!(size_of::<Heartbeat>() == 32);
+    assert!(size_of::<OperatorRequest>() == 16);
     assert!(size_of::<PlantTruth>() == 544);
 };
 
@@ -492,5 +525,6 @@ mod tests {
         assert_eq!(DriveMode::from_raw(4), None);
         assert_eq!(Validity::from_raw(2), Some(Validity::Valid));
         assert_eq!(Validity::from_raw(3), None);
+        assert_eq!(OperatorOrder::from_raw(0), None);
     }
 }

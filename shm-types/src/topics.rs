@@ -3,8 +3,8 @@
 use std::marker::PhantomData;
 
 use crate::messages::{
-    Command, DriveCommand, DriveSample, Heartbeat, LoopStatus, PlantTruth, SensorSample,
-    TorqueEstimate,
+    Command, DriveCommand, DriveSample, Heartbeat, LoopStatus, OperatorRequest, PlantTruth,
+    SensorSample, TorqueEstimate,
 };
 
 /// A topic that carries messages of type `T`.
@@ -56,6 +56,8 @@ pub const LOOP_STATUS: Topic<LoopStatus> = Topic::new("loop/status", 1, RELAY_BU
 pub const PLANT_TRUTH: Topic<PlantTruth> = Topic::new("plant/truth", 1, RELAY_BUFFER);
 /// Relay → loop, which in lockstep waits for the recorder.
 pub const RELAY_PROGRESS: Topic<Heartbeat> = Topic::new("relay/progress", 1, 4);
+/// Operator → supervisor.
+pub const OPERATOR_REQUEST: Topic<OperatorRequest> = Topic::new("operator/request", 1, 16);
 
 /// Relay → anybody: the loop's samples, once more.
 pub const OBSERVED_SAMPLE: Topic<SensorSample> = Topic::new("observe/sample", 8, 64);

@@ -126,25 +126,7 @@ fn show_timing(f: &mut fmt::Formatter<'_>, timing: &LoopReport) -> fmt::Result {
 }
 
 fn show_grant(f: &mut fmt::Formatter<'_>, grant: &realtime::grant::Grant) -> fmt::Result {
-    let scheduler = grant
-        .fifo_priority
-        .map_or("ordinary scheduler".to_owned(), |priority| {
-            format!("SCHED_FIFO {priority}")
-        });
-    let core = grant
-        .core
-        .map_or("any core".to_owned(), |core| format!("core {core}"));
-    let memory = if grant.memory_locked {
-        "memory locked"
-    } else {
-        "memory not locked"
-    };
-    let sleep = if grant.dma_latency_held {
-        "deep sleep off"
-    } else {
-        "deep sleep possible"
-    };
-    writeln!(f, "granted: {scheduler}, {core}, {memory}, {sleep}")?;
+    writeln!(f, "granted: {grant}")?;
     if !grant.refused.is_empty() {
         writeln!(
             f,

@@ -3,6 +3,7 @@
 use std::os::unix::process::ExitStatusExt;
 use std::time::{Duration, Instant};
 
+use realtime::clock::monotonic_ns;
 use realtime::process::send_signal;
 use serde::Serialize;
 use shm_types::bus::Reader;
@@ -29,6 +30,7 @@ pub struct Child {
     process: std::process::Child,
     heartbeat: Reader<Heartbeat>,
     started: Instant,
+    started_at_ns: u64,
     first_sign: Option<Instant>,
     last_sign: Instant,
 }
@@ -42,6 +44,7 @@ impl Child {
             process,
             heartbeat,
             started: now,
+            started_at_ns: monotonic_ns(),
             first_sign: None,
             last_sign: now,
         }
@@ -52,6 +55,11 @@ impl Child {
         self.role
     }
 
+    /// Its process id.
+    pub fn process_id(&self) -> u32 {
+        self.process.id()
+    }
+
     /// Takes its heartbeats. Those of a predecessor in the same role do not count.
     pub fn listen(&mut self) {
         while let Some(heartbeat) = self.heartbeat.take() {
@@ -60,6 +68,11 @@ impl Child {
                 self.first_sign.get_or_insert(self.last_sign);
             }
         }
+    }
+
+    /// Monotonic clock at its start.
+    pub fn started_at_ns(&self) -> u64 {
+        self.started_at_ns
     }
 
     /// Whether it has given a sign of life.

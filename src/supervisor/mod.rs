@@ -13,6 +13,7 @@ use realtime::process::{bind_to_parent, user_id};
 use shm_types::bus::{Bus, BusError, Reader};
 use shm_types::instance::{Instance, InstanceError, RunConfig};
 use shm_types::messages::LoopStatus;
+use shm_types::roster::{self, Member};
 use shm_types::topics::{self, Role};
 
 use child::{Child, Restart};
@@ -159,7 +160,23 @@ impl Supervisor {
         let process_id = process.id();
         self.children.push(Child::new(role, process, heartbeat));
         writeln!(self.life_line, "{process_id}").map_err(start_error)?;
+        roster::write(&self.instance, &self.members())?;
         Ok(())
+    }
+
+    fn members(&self) -> Vec<Member> {
+        let member = |child: &Child| {
+            let role = child.role().name();
+            let ends = || self.restarts.iter().filter(|restart| restart.role == role);
+            Member {
+                role: role.to_owned(),
+                process_id: child.process_id(),
+                started_at_ns: child.started_at_ns(),
+                restarts: ends().count() as u64,
+                last_end: ends().next_back().map(|restart| restart.reason.clone()),
+            }
+        };
+        self.children.iter().map(member).collect()
     }
 
     fn await_ready(&mut self) -> Result<(), SupervisorError> {

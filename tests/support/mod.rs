@@ -2,7 +2,8 @@
 #![allow(dead_code, reason = "every test file uses another part of this module")]
 
 use std::fs;
-use std::path::PathBuf;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
@@ -154,4 +155,17 @@ pub fn text(output: &Output) -> String {
         String::from_utf8_lossy(&output.stdout),
         String::from_utf8_lossy(&output.stderr)
     )
+}
+
+/// A copy of a program that another user may execute too: folders of builds are often closed to him.
+pub fn for_everybody(program: &Path, directory: &TempDir) -> PathBuf {
+    fs::set_permissions(directory.path(), fs::Permissions::from_mode(0o755)).expect("our folder");
+    let copy = directory.path().join("program");
+    // Not by this process: a file open for writing in it would be so in whatever another test starts, and cannot be
+    // executed meanwhile.
+    let mut install = Command::new("install");
+    install.args(["-m", "755"]).arg(program).arg(&copy);
+    let output = output(install);
+    assert!(output.status.success(), "{}", text(&output));
+    copy
 }
