@@ -8,7 +8,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use realtime::process::user_id;
 use robot::Robot;
-use rt_loop::cycle::{CycleConfig, CycleInput, CycleState};
+use rt_loop::cycle::{CycleConfig, CycleInput, CycleState, Orders};
 use rt_loop::process::cycle_config;
 use services::estimators::Estimators;
 use services::feedforward::Feedforward;
@@ -90,6 +90,7 @@ fn loop_step(criterion: &mut Criterion) {
                 planned_ns: cycle * PERIOD_NS,
                 sample: Ok(&sample),
                 command: Some(&command),
+                orders: Orders::default(),
             };
             black_box(state.step(&config, black_box(&input)))
         })

@@ -35,6 +35,8 @@ pub enum Command {
     Monitor(MonitorArguments),
     /// What real-time abilities this machine grants, what is missing, and how to get it
     Doctor(DoctorArguments),
+    /// Put faults into a running system and print what it did about each
+    Faults(FaultsArguments),
     /// One process of a running instance; started by `run`
     #[command(hide = true)]
     Process(ProcessArguments),
@@ -462,6 +464,51 @@ pub struct RecordingSimulateArguments {
     /// Seed of the sensors' noise
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub seed: u64,
+}
+
+/// `flexspline faults`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline faults                    every fault, 1000 service kills, 200 start-stop rounds: about half an hour
+  flexspline faults --short            a few of each
+  flexspline faults --part virtual     frames, readings, commands and orders, in virtual time: the same figures every time
+  flexspline faults --part kills --kills 100
+
+Real processes are killed and frozen, only those of the suite's own runs. Some faults need root and are skipped without.
+Exit code: 0 everything ended as documented, 1 something did not, 2 bad input.")]
+pub struct FaultsArguments {
+    /// Robot: pa10, shd17, or a robot file
+    #[arg(long, default_value = "pa10", value_name = "NAME|FILE")]
+    pub robot: String,
+    /// Only a few of each kind
+    #[arg(long)]
+    pub short: bool,
+    /// Only this part; may be given again
+    #[arg(long, value_enum, value_name = "PART")]
+    pub part: Vec<FaultsPart>,
+    /// How many services are killed under one running loop; 1000, or 5 with --short
+    #[arg(long, value_name = "N")]
+    pub kills: Option<u64>,
+    /// How many instances are started and struck at a random moment; 200, or 2 with --short
+    #[arg(long, value_name = "N")]
+    pub rounds: Option<u64>,
+    /// Where to write the results as JSON too; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// Parts of the fault suite.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FaultsPart {
+    /// Frames, readings, commands and orders, in virtual time
+    Virtual,
+    /// Processes killed and frozen, and the machine they run on, in real time
+    Processes,
+    /// Services killed in great number under one running loop
+    Kills,
+    /// Instances started and struck at random moments
+    Rounds,
 }
 
 /// See [`Mode`].

@@ -1,9 +1,12 @@
 //! The command line of Flexspline.
 
+#![deny(unsafe_code)]
+
 mod cli;
 mod doctor;
 mod error;
 mod estimate;
+mod faults;
 mod identify;
 mod monitor;
 mod output;
@@ -38,6 +41,7 @@ fn main() -> ExitCode {
         Command::Estimate(arguments) => estimate::estimate(&arguments),
         Command::Monitor(arguments) => monitor::monitor(&arguments),
         Command::Doctor(arguments) => doctor::doctor(&arguments),
+        Command::Faults(arguments) => faults::faults(&arguments),
         Command::Process(arguments) => process::run(&arguments),
     };
     match outcome {

@@ -164,7 +164,8 @@ fn the_single_test_joint_runs_with_its_torque_sensor() {
             signal.name()
         );
     }
-    let estimate = &bench.report()["tracking"]["joints"][0]["structural_damping_error_nm"];
+    let estimate =
+        &bench.report()["tracking"]["joints"][0]["estimate_errors_nm"]["structural_damping"];
     assert!(
         estimate["rms"].as_f64().is_some_and(f64::is_finite),
         "{estimate}"

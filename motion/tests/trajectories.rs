@@ -466,7 +466,6 @@ mod mangled {
                         band_hz = [0.1, 0.8]\nperiod_s = 10\namplitude_rad = 0.3\nseed = 4\n";
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(64))]
         #[test]
         fn files_never_panic(at in 0..FILE.len(), length in 0usize..12, scrap in "[-0-9.eE=\"\\[\\]\n a-z_]{0,8}") {
             let robot = robot::load("shd17").unwrap();

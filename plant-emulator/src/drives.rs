@@ -100,6 +100,7 @@ impl EmulatedDrives {
                 readings,
                 commands_missed: self.commands_missed,
                 mode,
+                ..DriveSample::default()
             },
             PlantTruth {
                 header,

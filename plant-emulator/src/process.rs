@@ -151,7 +151,7 @@ impl Emulator {
                     first
                         .header
                         .measured_at_ns
-                        .saturating_sub(first.header.cycle * self.run.period_ns),
+                        .saturating_sub(first.header.cycle.saturating_mul(self.run.period_ns)),
                 );
             }
         }

@@ -247,8 +247,6 @@ fn damaged(mut bytes: Vec<u8>, damage: &[(f64, u8)]) -> Vec<u8> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(600))]
-
     #[test]
     fn damage_is_read_or_refused(damage in damage()) {
         static WHOLE: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {

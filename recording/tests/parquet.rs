@@ -350,8 +350,6 @@ fn a_file_cut_anywhere_is_refused_in_one_line() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1000))]
-
     #[test]
     fn damage_is_read_or_refused(
         file in 0..4_usize,

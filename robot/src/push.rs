@@ -69,3 +69,40 @@ fn push(place: &Place, entry: PushEntry, robot: &Robot) -> Result<Push, RobotErr
         duration_s: entry.duration_s,
     })
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    fn read(text: &str) -> Result<Vec<Push>, RobotError> {
+        let robot = crate::load("shd17").unwrap();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        fs::write(file.path(), text).unwrap();
+        crate::load_injection(file.path(), &robot)?;
+        load_pushes(file.path(), &robot)
+    }
+
+    #[test]
+    fn a_push_is_read_and_each_slip_is_named() {
+        let text = "[[push]]\njoint = \"joint1\"\ntorque_nm = -3\nstart_s = 2\nduration_s = 0.2\n";
+        let push = Push {
+            joint: 0,
+            torque_nm: -3.0,
+            start_s: 2.0,
+            duration_s: 0.2,
+        };
+        assert_eq!(read(text).unwrap(), [push]);
+        for (slip, told) in [
+            (text.replace("joint1", "joint2"), "joint2"),
+            (text.replace("0.2", "0"), "duration_s"),
+            (text.replace("start_s = 2\n", ""), "start_s"),
+            (text.replace("-3", "nan"), "torque_nm"),
+        ] {
+            let said = read(&slip).unwrap_err().to_string();
+            assert!(said.contains(told) && said.lines().count() == 1, "{said}");
+        }
+    }
+}

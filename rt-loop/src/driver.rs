@@ -20,6 +20,7 @@
 //! - **Quiet.** No allocation, lock, log or file in `read` and `write`; open everything before.
 //! - **Honest.** The sample carries the cycle and the instant of its *latch*. An old sample is a fault, not a sample.
 //!   A signal the hardware lacks is NaN.
+//! - **Emergency stop.** Where the drives have such an input, its state is a bit of every sample.
 //! - **SI, joint axis.** `motor_` before the gear, `link_` after it, positive about the joint's axis on both sides:
 //!   undo a reversing gear here.
 //! - **Safe alone.** If commands stop coming, the drives stop by themselves. Set their watchdog; the loop cannot do it
@@ -84,6 +85,11 @@ pub enum DriveFault {
     ForeignSample,
     /// A position that every robot has is missing or not finite.
     InvalidSample {
+        /// The joint.
+        joint: u32,
+    },
+    /// A position is further from the last one than the joint can have moved.
+    JumpedSample {
         /// The joint.
         joint: u32,
     },

@@ -7,12 +7,15 @@ use shm_types::topics;
 
 use crate::driver::{DriveFault, Driver};
 
+/// The emulator is at most a few latches ahead of a loop that is late; a sample further ahead is nonsense.
+const AHEAD_MAX_CYCLES: u64 = 16;
 /// How late a sample is taken whose wake-up was lost.
 const RECHECK_NS: u64 = 100_000;
 
 /// Talks to the emulator process of the same instance.
 #[derive(Debug)]
 pub struct EmulatorDriver {
+    session: u64,
     command: CommandWriter,
     command_ready: Notifier,
     sample: Reader<DriveSample>,
@@ -29,33 +32,43 @@ impl std::fmt::Debug for CommandWriter {
 }
 
 impl EmulatorDriver {
-    /// Opens the drive's topics.
+    /// Opens the drive's topics for the run `session`.
     ///
     /// # Errors
     /// [`BusError`], also when another loop commands this drive.
-    pub fn open(bus: &Bus) -> Result<Self, BusError> {
+    pub fn open(bus: &Bus, session: u64) -> Result<Self, BusError> {
         let command = bus.writer(&topics::DRIVE_COMMAND)?;
         let command_ready = bus.notifier(&topics::DRIVE_COMMAND_READY)?;
         let sample = bus.reader(&topics::DRIVE_SAMPLE)?;
         // Connects now to an emulator that is there already: the first exchange would take milliseconds.
         command.greet_new_readers();
         command_ready.notify();
-        let newest = sample.take();
         Ok(Self {
+            session,
             command: CommandWriter(command),
             command_ready,
             sample,
             sample_ready: bus.listener(&topics::DRIVE_SAMPLE_READY, RECHECK_NS)?,
-            newest,
+            newest: None,
         })
     }
 
-    /// Takes samples up to `cycle`; later ones stay in the queue, because the emulator may be one latch ahead.
+    /// Takes samples up to `cycle`; later ones stay in the queue, because the emulator may be one latch ahead. What is of
+    /// another run, out of order or far ahead is dropped: kept, it would hide what comes after it.
     fn take_up_to(&mut self, cycle: u64) {
         while self.newest.is_none_or(|sample| sample.header.cycle < cycle) {
-            match self.sample.take() {
-                Some(sample) => self.newest = Some(sample),
-                None => return,
+            let Some(sample) = self.sample.take() else {
+                return;
+            };
+            let header = sample.header;
+            let ours = header.session == self.session
+                && header.cycle <= cycle.saturating_add(AHEAD_MAX_CYCLES);
+            if ours
+                && self
+                    .newest
+                    .is_none_or(|newest| newest.header.cycle < header.cycle)
+            {
+                self.newest = Some(sample);
             }
         }
     }

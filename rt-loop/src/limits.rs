@@ -89,7 +89,9 @@ impl JointLimits {
 
     /// Whether the joint is so far outside its limits that something else moves it.
     pub fn has_run_away(&self, motion: JointMotion) -> bool {
-        motion.velocity_rad_s.abs() > RUNAWAY_VELOCITY_FACTOR * self.velocity_rad_s
+        // What is no number is outside too.
+        let slow = motion.velocity_rad_s.abs() <= RUNAWAY_VELOCITY_FACTOR * self.velocity_rad_s;
+        !slow
             || motion.position_rad > self.position_max_rad + RUNAWAY_POSITION_RAD
             || motion.position_rad < self.position_min_rad - RUNAWAY_POSITION_RAD
     }

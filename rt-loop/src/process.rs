@@ -11,27 +11,31 @@ use robot::Robot;
 use shm_types::bus::{Bus, BusError, Listener, Notifier, Reader, Writer};
 use shm_types::instance::{Instance, InstanceError, Mode, RunConfig, Wait};
 use shm_types::messages::{
-    Command, DriveCommand, DriveMode, DriveSample, Header, Heartbeat, LoopState, LoopStatus,
-    Refusal, SensorSample, TorqueEstimate,
+    Command, DriveCommand, DriveMode, DriveSample, Header, Heartbeat, LastCycle, LoopState,
+    LoopStatus, SensorSample, Supervision, TorqueEstimate,
 };
 use shm_types::topics::{self, Role};
 
-use crate::cycle::{
-    CycleConfig, CycleInput, CycleOutput, CycleState, check_sample, is_usable, loop_status,
-};
+use crate::admission::{admits_command, check_sample};
+use crate::cycle::{CycleConfig, CycleInput, CycleOutput, CycleState};
 use crate::driver::Driver;
 use crate::emulator_driver::EmulatorDriver;
+use crate::last_cycles::LastCycles;
 use crate::limits::JointLimits;
 use crate::report::{LOOP_REPORT_FILE, LoopReport, Quantiles, named_counters, overrun_causes};
 use crate::statistics::{CycleTimes, Overrun, Statistics};
+use crate::status::loop_status;
+use crate::supervision::SupervisorWatch;
 
 /// Names `--driver` takes.
 pub const DRIVERS: [&str; 1] = ["emulator"];
 
 /// Cycles without a fresh command for which the last torque is held: 10 ms at 1.5 kHz.
 const HOLD_CYCLES: u64 = 15;
-/// Cycles of damping after that: 3 s at 1.5 kHz, enough for a service to be started again.
-const DAMPING_CYCLES: u64 = 4500;
+/// Cycles of damping after that: 100 ms at 1.5 kHz. A joint that gravity pulls falls on slowly while it is damped.
+const DAMPING_CYCLES: u64 = 150;
+/// Cycles with closed brakes after that: up to 3 s, enough for a service to be started again.
+const WAITING_CYCLES: u64 = 4350;
 /// Part of the period in which the drives' sample must have come.
 const SAMPLE_DEADLINE_PARTS: u64 = 3;
 /// In lockstep nobody is late; this long without an answer means that somebody is gone.
@@ -40,6 +44,8 @@ const LOCKSTEP_PATIENCE_NS: u64 = 10_000_000_000;
 const LOCKSTEP_OFFER_NS: u64 = 20_000_000;
 /// How late an answer is taken whose wake-up was lost.
 const RECHECK_NS: u64 = 100_000;
+/// A supervisor silent for longer than this is gone, and with it the operator's way to stop the robot. It gives the loop as long.
+const SUPERVISOR_SILENCE_NS: u64 = 2_000_000_000;
 /// Cycles between heartbeats: 100 ms at 1.5 kHz.
 const HEARTBEAT_CYCLES: u64 = 150;
 /// SCHED_FIFO priority of the loop: above everything else of the instance.
@@ -76,7 +82,7 @@ pub fn run(instance: &Instance, stop: &AtomicBool) -> Result<(), LoopError> {
     let robot = robot::load(&run.robot)?;
     let bus = Bus::join(instance)?;
     let driver = match run.driver.as_str() {
-        "emulator" => EmulatorDriver::open(&bus)?,
+        "emulator" => EmulatorDriver::open(&bus, run.session)?,
         name => {
             return Err(LoopError::UnknownDriver {
                 name: name.to_owned(),
@@ -112,8 +118,14 @@ pub fn cycle_config(run: &RunConfig, robot: &Robot) -> CycleConfig {
         session: run.session,
         period_ns: run.period_ns,
         joints,
+        joint_names: robot
+            .joints
+            .iter()
+            .map(|joint| joint.name.clone())
+            .collect(),
         hold_cycles: HOLD_CYCLES,
         damping_cycles: DAMPING_CYCLES,
+        waiting_cycles: WAITING_CYCLES,
     }
 }
 
@@ -173,6 +185,10 @@ struct Loop<D> {
     command_ready: Listener,
     status: Writer<LoopStatus>,
     heartbeat: Writer<Heartbeat>,
+    supervision: Reader<Supervision>,
+    supervisor: SupervisorWatch,
+    last_cycles: LastCycles,
+    last_cycles_writer: Writer<LastCycle>,
     lockstep: Option<LockstepPeers>,
     usage: ThreadUsage,
     woke_before_ns: Option<u64>,
@@ -211,7 +227,16 @@ impl<D: Driver> Loop<D> {
                 relay_cycle: 0,
             }),
         };
+        // In lockstep nobody has a clock that the supervisor could miss.
+        let silence_cycles_max = match run.mode {
+            Mode::Realtime => Some(SUPERVISOR_SILENCE_NS / run.period_ns),
+            Mode::Lockstep => None,
+        };
         Ok(Self {
+            supervision: bus.reader(&topics::SUPERVISION)?,
+            supervisor: SupervisorWatch::new(run.session, silence_cycles_max),
+            last_cycles: LastCycles::default(),
+            last_cycles_writer: bus.writer(&topics::LAST_CYCLES)?,
             driver,
             run,
             config,
@@ -235,6 +260,7 @@ impl<D: Driver> Loop<D> {
         self.sample.greet_new_readers();
         self.status.greet_new_readers();
         self.heartbeat.greet_new_readers();
+        self.last_cycles_writer.greet_new_readers();
         while self.command.take().is_some() {}
         self.sample_ready.notify();
     }
@@ -269,6 +295,7 @@ impl<D: Driver> Loop<D> {
             cycle += 1;
         }
         self.send_brake(cycle, epoch_ns + cycle * self.config.period_ns);
+        while self.hand_out_last_cycle() {}
         let wall_s = (monotonic_ns() - begun_ns) as f64 * 1e-9;
         let steal_log = steal.finish();
         self.report(held.map(|(grant, _held)| grant), wall_s, cycle, &steal_log)
@@ -288,13 +315,17 @@ impl<D: Driver> Loop<D> {
         let sample = self
             .driver
             .read(cycle, planned_ns, read_until_ns)
-            .and_then(|sample| check_sample(&sample, session, joint_count).map(|()| sample));
+            .and_then(|sample| {
+                check_sample(&sample, session, cycle, joint_count)?;
+                self.state.admit(&self.config, cycle, &sample)?;
+                Ok(sample)
+            });
         let read_ns = monotonic_ns();
         let asked = sample.as_ref().ok().map(|sample| self.ask(cycle, sample));
         let asked_ns = monotonic_ns();
-        let command = asked.and_then(|asked| self.await_command(&asked, planned_ns));
+        let command = asked.and_then(|asked| self.await_command(&asked.header, planned_ns));
         if let Some(asked) = &asked {
-            self.await_lockstep_peers(asked);
+            self.await_lockstep_peers(&asked.header);
         }
         let answered_ns = monotonic_ns();
         let input = CycleInput {
@@ -302,6 +333,9 @@ impl<D: Driver> Loop<D> {
             planned_ns,
             sample: sample.as_ref().map_err(|fault| *fault),
             command: command.as_ref(),
+            orders: self
+                .supervisor
+                .orders(std::iter::from_fn(|| self.supervision.take())),
         };
         let was_running = self.state.state == LoopState::Running;
         let output = self.state.step(&self.config, &input);
@@ -333,15 +367,16 @@ impl<D: Driver> Loop<D> {
             was_running,
             limited_joints: output.limited_joints,
         });
-        self.publish_status(&output, &times);
+        let status = self.publish_status(&output, &times);
+        self.keep(status, asked, command);
         self.prepare_next(cycle);
     }
 
-    fn ask(&mut self, cycle: u64, sample: &DriveSample) -> Header {
+    fn ask(&mut self, cycle: u64, sample: &DriveSample) -> SensorSample {
         let message = self.state.sensor_sample(&self.config, cycle, sample);
         self.sample.send(message);
         self.sample_ready.notify();
-        message.header
+        message
     }
 
     /// Waits for the command that answers `asked`; every other one is refused and counted.
@@ -354,7 +389,7 @@ impl<D: Driver> Loop<D> {
         };
         loop {
             while let Some(command) = self.command.take() {
-                if self.accepts(&command, asked) {
+                if admits_command(&command, asked, &mut self.statistics.counters) {
                     return Some(command);
                 }
             }
@@ -364,20 +399,6 @@ impl<D: Driver> Loop<D> {
             }
             self.wait_for_command(give_up_at_ns - now_ns);
         }
-    }
-
-    fn accepts(&mut self, command: &Command, asked: &Header) -> bool {
-        let counters = &mut self.statistics.counters;
-        match command.header.answers(asked) {
-            Err(Refusal::Session | Refusal::JointCount) => counters.foreign_commands += 1,
-            Err(Refusal::OldCycle) => counters.late_commands += 1,
-            Err(Refusal::FutureCycle) => counters.future_commands += 1,
-            Ok(()) if !is_usable(command, self.config.joint_count()) => {
-                counters.unusable_commands += 1
-            }
-            Ok(()) => return true,
-        }
-        false
     }
 
     fn wait_for_command(&mut self, timeout_ns: u64) {
@@ -477,7 +498,7 @@ impl<D: Driver> Loop<D> {
         }
     }
 
-    fn publish_status(&mut self, output: &CycleOutput, times: &CycleTimes) {
+    fn publish_status(&mut self, output: &CycleOutput, times: &CycleTimes) -> LoopStatus {
         // Lockstep has no times: two runs must not differ.
         let times = if self.lockstep.is_some() {
             CycleTimes::default()
@@ -486,6 +507,27 @@ impl<D: Driver> Loop<D> {
         };
         let status = loop_status(&self.state, output, &times, &self.statistics.counters);
         self.status.send(status);
+        status
+    }
+
+    /// Keeps the cycle for the case that the loop stops, and after a stop hands out one that was kept.
+    fn keep(&mut self, status: LoopStatus, asked: Option<SensorSample>, command: Option<Command>) {
+        let last = LastCycle {
+            status,
+            sample: asked.unwrap_or_default(),
+            command: command.unwrap_or_default(),
+            has_sample: u32::from(asked.is_some()),
+            has_command: u32::from(command.is_some()),
+            index: 0,
+            count: 0,
+        };
+        self.last_cycles.keep(last, self.state.state.is_latched());
+        self.hand_out_last_cycle();
+    }
+
+    fn hand_out_last_cycle(&mut self) -> bool {
+        let next = self.last_cycles.hand_out();
+        next.is_some_and(|cycle| self.last_cycles_writer.send_and_prepare(cycle))
     }
 
     /// After everything urgent: the middleware's allocations for the next cycle, and now and then a heartbeat.
@@ -530,7 +572,10 @@ impl<D: Driver> Loop<D> {
         LoopReport {
             grant,
             final_state: format!("{:?}", self.state.state),
-            last_fault: self.state.fault.map(|fault| format!("{fault:?}")),
+            last_fault: self
+                .state
+                .fault
+                .map(|fault| fault.sentence(&self.config.joint_names)),
             wall_s,
             controlled_s: cycles as f64 * self.config.period_ns as f64 * 1e-9,
             rate_hz: 1e9 / self.config.period_ns as f64,

@@ -74,12 +74,11 @@ pub fn serve<T: Message>(
             Wait::Spin => std::hint::spin_loop(),
         }
         // An older sample is past its deadline; only the newest is worth an answer.
-        let Some(sample) = samples.take_newest() else {
+        let newest = samples.take_newest();
+        let Some(sample) = newest.and_then(|sample| sample.checked(run.session, joint_count))
+        else {
             continue;
         };
-        if sample.header.check(run.session, joint_count).is_err() {
-            continue;
-        }
         cycle = sample.header.cycle;
         if let Some(answer) = (service.answer)(&sample) {
             writer.send(answer);

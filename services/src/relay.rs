@@ -7,6 +7,7 @@ use robot::Robot;
 use shm_types::control_options::{ControlOptions, FrictionVelocity, StiffnessTorque};
 use shm_types::instance::{ControlMode, Mode, RunConfig};
 use shm_types::messages::{Command, LoopStatus, PlantTruth, SensorSample, TorqueEstimate};
+use shm_types::topics::RELAY_BUFFER;
 
 /// Everything sent about one cycle; a message that did not come is missing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -28,26 +29,45 @@ pub struct CycleMessages {
 /// A cycle waits this long for late messages before it is written: an estimate may come after the cycle's end.
 const PATIENCE_CYCLES: u64 = 16;
 
-/// Collects messages by cycle and gives them back in order, whole.
+/// Rows that wait at most: as many as the topics can hold messages of.
+const WAITING_MAX: usize = 2 * RELAY_BUFFER;
+/// A status further ahead of the one before is nonsense: 11 minutes at 1.5 kHz.
+const SKIPPED_MAX_CYCLES: u64 = 1_000_000;
+/// No run comes this far: 95 000 years at 1.5 kHz. Times of later cycles could not be counted.
+const CYCLE_MAX: u64 = 1 << 42;
+
+/// Collects messages by cycle and gives them back in order, whole. Other processes wrote them: a cycle that cannot be is
+/// refused, and no more rows wait than there can be.
 #[derive(Clone, Debug, Default)]
 pub struct Assembler {
     waiting: VecDeque<CycleMessages>,
     /// Cycles before this one were given back.
     next_cycle: u64,
-    newest_status_cycle: u64,
+    newest_status_cycle: Option<u64>,
     /// Messages that came after their cycle was given back.
     pub late_messages: u64,
+    /// Messages of cycles that cannot be.
+    pub refused_messages: u64,
 }
 
 impl Assembler {
-    /// The row a message of `cycle` belongs to; `None`, and counted, if it has been given back.
+    /// The row a message of `cycle` belongs to; `None`, and counted, if it has been given back or cannot be.
     pub fn row(&mut self, cycle: u64) -> Option<&mut CycleMessages> {
         if cycle < self.next_cycle {
             self.late_messages += 1;
             return None;
         }
+        let newest = self.newest_status_cycle.unwrap_or(cycle);
+        if cycle > newest.saturating_add(WAITING_MAX as u64).min(CYCLE_MAX) {
+            self.refused_messages += 1;
+            return None;
+        }
         let index = self.waiting.partition_point(|row| row.cycle < cycle);
         if self.waiting.get(index).is_none_or(|row| row.cycle != cycle) {
+            if self.waiting.len() >= WAITING_MAX {
+                self.refused_messages += 1;
+                return None;
+            }
             self.waiting.insert(
                 index,
                 CycleMessages {
@@ -61,15 +81,22 @@ impl Assembler {
 
     /// Takes the message that ends a cycle.
     pub fn add_status(&mut self, status: LoopStatus) {
-        self.newest_status_cycle = self.newest_status_cycle.max(status.header.cycle);
-        if let Some(row) = self.row(status.header.cycle) {
+        let cycle = status.header.cycle;
+        let newest = self.newest_status_cycle.unwrap_or(cycle);
+        if cycle > newest.saturating_add(SKIPPED_MAX_CYCLES).min(CYCLE_MAX) {
+            self.refused_messages += 1;
+            return;
+        }
+        self.newest_status_cycle = Some(newest.max(cycle));
+        if let Some(row) = self.row(cycle) {
             row.status = Some(status);
         }
     }
 
     /// The next cycle that is old enough to be written.
     pub fn next_due(&mut self) -> Option<CycleMessages> {
-        let due = |row: &CycleMessages| row.cycle + PATIENCE_CYCLES <= self.newest_status_cycle;
+        let newest = self.newest_status_cycle?;
+        let due = |row: &CycleMessages| row.cycle + PATIENCE_CYCLES <= newest;
         if !self.waiting.front().is_some_and(due) {
             return None;
         }
@@ -80,7 +107,9 @@ impl Assembler {
     pub fn next_left(&mut self) -> Option<CycleMessages> {
         let row = self.waiting.pop_front()?;
         self.next_cycle = row.cycle + 1;
-        (row.cycle <= self.newest_status_cycle).then_some(row)
+        self.newest_status_cycle
+            .is_some_and(|newest| row.cycle <= newest)
+            .then_some(row)
     }
 }
 
@@ -302,6 +331,22 @@ mod tests {
         assert_eq!(due, [0, 1, 2]);
         assert!(assembler.row(1).is_none());
         assert_eq!(assembler.late_messages, 1);
+    }
+
+    #[test]
+    fn messages_of_cycles_that_cannot_be_change_nothing_and_take_no_memory() {
+        let mut assembler = Assembler::default();
+        assembler.add_status(status(100));
+        assembler.add_status(status(u64::MAX));
+        for cycle in (0..1_000_000).map(|index| u64::MAX - index * 7) {
+            assert!(assembler.row(cycle).is_none());
+        }
+        let mut unstarted = Assembler::default();
+        let rows = (0..100_000_u64).filter(|&cycle| unstarted.row(3 * cycle).is_some());
+        assert_eq!(rows.count(), WAITING_MAX, "before the first status");
+        assembler.add_status(status(100 + PATIENCE_CYCLES));
+        assert_eq!(assembler.next_due().map(|row| row.cycle), Some(100));
+        assert_eq!(assembler.refused_messages, 1_000_001);
     }
 
     #[test]

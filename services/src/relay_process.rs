@@ -257,6 +257,7 @@ impl Relay {
         report.recorded_rows = self.recorded_rows;
         report.lost_rows = self.lost_rows;
         report.late_messages = self.assembler.late_messages;
+        report.refused_messages = self.assembler.refused_messages;
         report.recordings = self.recordings;
         report.recording_error = self.recording_error;
         instance.write_report(TRACKING_REPORT_FILE, &report)?;

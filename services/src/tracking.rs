@@ -109,6 +109,8 @@ pub struct TrackingReport {
     pub lost_rows: u64,
     /// Messages that came too late for their row.
     pub late_messages: u64,
+    /// Messages of cycles that cannot be.
+    pub refused_messages: u64,
     /// The recordings written, in order; a relay that was killed leaves one, its successor goes on in the next.
     pub recordings: Vec<String>,
     /// Why recording ended early, if it did.
@@ -200,7 +202,7 @@ impl Tracking {
         let first_ns = *self
             .first_running_ns
             .get_or_insert(sample.header.measured_at_ns);
-        let since_s = (sample.header.measured_at_ns - first_ns) as f64 * 1e-9;
+        let since_s = sample.header.measured_at_ns.saturating_sub(first_ns) as f64 * 1e-9;
         let after_start = since_s > START_S;
         let position_rad = self.link_position_rad(row);
         self.saw_truth |= row.truth.is_some();

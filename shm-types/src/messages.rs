@@ -94,6 +94,35 @@ pub struct Readings {
     pub temperature_c: PerJoint,
 }
 
+/// No sensor measures more than this, in whatever unit. A larger number is none, and no filter would forget it.
+pub const READING_MAX: f64 = 1e12;
+
+/// Whether a number can be a measurement.
+pub fn is_reading(value: f64) -> bool {
+    value.abs() <= READING_MAX
+}
+
+impl Readings {
+    /// The same without what cannot be a measurement.
+    pub fn checked(mut self) -> Self {
+        for signal in [
+            &mut self.motor_position_rad,
+            &mut self.motor_velocity_rad_s,
+            &mut self.link_position_rad,
+            &mut self.link_velocity_rad_s,
+            &mut self.motor_torque_nm,
+            &mut self.joint_torque_nm,
+            &mut self.motor_current_a,
+            &mut self.temperature_c,
+        ] {
+            for value in signal.iter_mut().filter(|value| !is_reading(**value)) {
+                *value = f64::NAN;
+            }
+        }
+        self
+    }
+}
+
 impl Default for Readings {
     /// No signal at all.
     fn default() -> Self {
@@ -164,7 +193,14 @@ pub struct DriveSample {
     pub commands_missed: u32,
     /// A [`DriveMode`] as a number: what the drives are really doing.
     pub mode: u32,
+    /// Switches wired to the drives, one bit each: [`EMERGENCY_STOP_PRESSED`].
+    pub inputs: u32,
+    /// Not used; zero.
+    pub reserved: u32,
 }
+
+/// Bit of [`DriveSample::inputs`]: the emergency stop is pressed.
+pub const EMERGENCY_STOP_PRESSED: u32 = 1;
 
 /// What the loop is doing.
 #[repr(u32)]
@@ -179,22 +215,30 @@ pub enum LoopState {
     Running = 2,
     /// The command is missing; the last one is held.
     Holding = 3,
-    /// The command has been missing for longer; joints are damped without a model.
+    /// The command has been missing for longer; joints are damped without a model, then the brakes close.
     Damping = 4,
-    /// Stopped for good; brakes closed until the next start.
+    /// Stopped, brakes closed; latched until somebody who has looked resets it.
     SafeStop = 5,
+    /// Something is broken; brakes closed until the next start.
+    Faulted = 6,
 }
 
 impl LoopState {
     /// Every state, in the order of their numbers.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Initialising,
         Self::Ready,
         Self::Running,
         Self::Holding,
         Self::Damping,
         Self::SafeStop,
+        Self::Faulted,
     ];
+
+    /// Whether the loop stays here by itself, whatever messages come.
+    pub fn is_latched(self) -> bool {
+        matches!(self, Self::SafeStop | Self::Faulted)
+    }
 
     /// The state a number from shared memory stands for.
     pub fn from_raw(raw: u32) -> Option<Self> {
@@ -219,6 +263,22 @@ pub struct SensorSample {
     pub reserved: u32,
     /// The measurement.
     pub readings: Readings,
+}
+
+impl SensorSample {
+    /// The same without what cannot be a measurement; `None` if a service cannot work with it: it must be of this run and
+    /// robot, every joint needs a position, and the trajectory goes forward and no faster than planned.
+    pub fn checked(mut self, session: u64, joint_count: usize) -> Option<Self> {
+        self.header.check(session, joint_count).ok()?;
+        self.readings = self.readings.checked();
+        let positions_rad = self.readings.motor_position_rad;
+        let usable = (0.0..=1.0).contains(&self.motion_rate)
+            && positions_rad
+                .iter()
+                .take(joint_count)
+                .all(|position_rad| position_rad.is_finite());
+        usable.then_some(self)
+    }
 }
 
 /// Feedforward to loop: the torque or velocity for the cycle whose sample it answers, and what it was made of.
@@ -408,6 +468,21 @@ pub struct Heartbeat {
     pub cycle: u64,
 }
 
+/// Supervisor to loop: I am alive, and this is what the operator wants.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ZeroCopySend)]
+#[type_name("FlexsplineSupervision")]
+pub struct Supervision {
+    /// The run it belongs to.
+    pub session: u64,
+    /// Monotonic clock when it was sent.
+    pub sent_at_ns: u64,
+    /// Anything but 0 stops the loop.
+    pub emergency_stop: u32,
+    /// Counts the operator's resets; one more than before is a reset.
+    pub resets: u32,
+}
+
 /// What an operator may ask of a running instance.
 #[repr(u32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -440,6 +515,27 @@ pub struct OperatorRequest {
     pub reserved: u32,
 }
 
+/// Loop to supervisor after a stop: one of the last cycles before it, as the loop saw them.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
+#[type_name("FlexsplineLastCycle")]
+pub struct LastCycle {
+    /// How the cycle went.
+    pub status: LoopStatus,
+    /// What was measured; meant only if `has_sample` is 1.
+    pub sample: SensorSample,
+    /// What was asked for; meant only if `has_command` is 1.
+    pub command: Command,
+    /// 1 if a usable sample came.
+    pub has_sample: u32,
+    /// 1 if a usable command came.
+    pub has_command: u32,
+    /// Which of them this is, from the oldest, 0.
+    pub index: u32,
+    /// How many there are.
+    pub count: u32,
+}
+
 /// Emulator to relay: what the plant really does. No estimator or controller may read it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
@@ -462,7 +558,7 @@ const _: () = {
     assert!(size_of::<Header>() == 32);
     assert!(size_of::<Readings>() == 8 * 128);
     assert!(size_of::<DriveCommand>() == 296);
-    assert!(size_of::<DriveSample>() == 1064);
+    assert!(size_of::<DriveSample>() == 1072);
     assert!(size_of::<SensorSample>() == 1080);
     assert!(size_of::<Command>() == 936);
     assert!(size_of::<Estimates>() == 384);
@@ -470,7 +566,9 @@ const _: () = {
     assert!(size_of::<TorqueEstimate>() == 32 + 7 * 384 + 392);
     assert!(size_of::<LoopStatus>() == 32 + 8 + 9 * 8 + 128);
     assert!(size_of::<Heartbeat>() == 32);
+    assert!(size_of::<Supervision>() == 24);
     assert!(size_of::<OperatorRequest>() == 16);
+    assert!(size_of::<LastCycle>() == 240 + 1080 + 936 + 16);
     assert!(size_of::<PlantTruth>() == 544);
 };
 
@@ -521,7 +619,7 @@ mod tests {
     #[test]
     fn numbers_that_are_no_state_are_not_read_as_one() {
         assert_eq!(LoopState::from_raw(2), Some(LoopState::Running));
-        assert_eq!(LoopState::from_raw(6), None);
+        assert_eq!(LoopState::from_raw(7), None);
         assert_eq!(DriveMode::from_raw(4), None);
         assert_eq!(Validity::from_raw(2), Some(Validity::Valid));
         assert_eq!(Validity::from_raw(3), None);

@@ -3,8 +3,8 @@
 use std::marker::PhantomData;
 
 use crate::messages::{
-    Command, DriveCommand, DriveSample, Heartbeat, LoopStatus, OperatorRequest, PlantTruth,
-    SensorSample, TorqueEstimate,
+    Command, DriveCommand, DriveSample, Heartbeat, LastCycle, LoopStatus, OperatorRequest,
+    PlantTruth, SensorSample, Supervision, TorqueEstimate,
 };
 
 /// A topic that carries messages of type `T`.
@@ -39,6 +39,8 @@ pub struct Signal {
 
 /// Messages a relay may fall behind before it loses one: about 1.4 s at 1.5 kHz.
 pub const RELAY_BUFFER: usize = 2048;
+/// Cycles that the loop keeps for the case that it stops.
+pub const LAST_CYCLES_KEPT: usize = 100;
 
 /// Loop → drives.
 pub const DRIVE_COMMAND: Topic<DriveCommand> = Topic::new("drive/command", 1, 16);
@@ -58,6 +60,10 @@ pub const PLANT_TRUTH: Topic<PlantTruth> = Topic::new("plant/truth", 1, RELAY_BU
 pub const RELAY_PROGRESS: Topic<Heartbeat> = Topic::new("relay/progress", 1, 4);
 /// Operator → supervisor.
 pub const OPERATOR_REQUEST: Topic<OperatorRequest> = Topic::new("operator/request", 1, 16);
+/// Supervisor → loop.
+pub const SUPERVISION: Topic<Supervision> = Topic::new("supervisor/orders", 1, 16);
+/// Loop → supervisor, after a stop.
+pub const LAST_CYCLES: Topic<LastCycle> = Topic::new("loop/last_cycles", 1, LAST_CYCLES_KEPT);
 
 /// Relay → anybody: the loop's samples, once more.
 pub const OBSERVED_SAMPLE: Topic<SensorSample> = Topic::new("observe/sample", 8, 64);

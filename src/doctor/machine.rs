@@ -136,6 +136,10 @@ fn sleep_states(core: &Path) -> Option<Vec<SleepState>> {
 }
 
 /// Room for ordinary users on the file system of `path`.
+#[allow(
+    unsafe_code,
+    reason = "the standard library does not tell the room of a file system"
+)]
 fn free_bytes(path: &Path) -> Option<u64> {
     let path = CString::new(path.as_os_str().as_bytes()).ok()?;
     // SAFETY: an all-zero statvfs is a valid value of this plain C struct.

@@ -203,12 +203,12 @@ impl View {
                 .and_then(|status| present(status.motor_torque_nm[joint])),
             joint_torque_nm: reading(|sample| &sample.readings.joint_torque_nm),
             estimates: JointEstimates {
-                residual_torque_nm: estimated(|estimate| &estimate.residual_torque_nm),
+                residual_torque_nm: estimated(|estimate| &estimate.residual.torque_nm),
                 structural_damping_torque_nm: estimated(|estimate| {
-                    &estimate.structural_damping_torque_nm
+                    &estimate.structural_damping.torque_nm
                 }),
-                fusion_torque_nm: estimated(|estimate| &estimate.fusion_torque_nm),
-                fusion_std_nm: estimated(|estimate| &estimate.fusion_std_nm),
+                fusion_torque_nm: estimated(|estimate| &estimate.fusion.torque_nm),
+                fusion_std_nm: estimated(|estimate| &estimate.fusion.std_nm),
             },
             limited: self.limited_cycle[joint]
                 .is_some_and(|at| cycle <= at.saturating_add(LIMITED_SHOWN_CYCLES)),

@@ -22,6 +22,7 @@ fn run(mode: Mode) -> RunConfig {
         seed: 1,
         inject: None,
         record: None,
+        estimators: Vec::new(),
         command_deadline_ns: 500_000,
         cores: Vec::new(),
         initial_position_rad: vec![0.0],

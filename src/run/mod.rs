@@ -23,6 +23,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use crate::cli::RunArguments;
 use crate::error::CliError;
 use crate::output::{print, write_json};
+use crate::supervisor::last_cycles::{self, stop_path};
 use crate::supervisor::{Supervisor, SupervisorError, WATCH_INTERVAL};
 use progress::Progress;
 use report::RunReport;
@@ -77,10 +78,13 @@ pub fn stop_on_signals() -> Result<Arc<AtomicBool>, CliError> {
 fn execute(plan: Plan, stop: &AtomicBool) -> Result<(RunReport, Result<(), CliError>), CliError> {
     let mut supervisor =
         Supervisor::start(&plan.instance, &plan.config).map_err(CliError::input)?;
-    let watched = watch(&mut supervisor, &plan.config, stop);
+    let mut stops = StopFiles::new(&plan);
+    let watched = watch(&mut supervisor, &plan.config, stop, &mut stops);
     let stopped = supervisor.stop();
+    // The loop hands out what is left of them when it ends.
+    stops.write(&mut supervisor);
     let report = RunReport {
-        robot: plan.robot_name,
+        robot: plan.robot.name.clone(),
         trajectory: plan.config.trajectory.clone(),
         mode: plan.config.mode,
         seed: plan.config.seed,
@@ -95,6 +99,7 @@ fn execute(plan: Plan, stop: &AtomicBool) -> Result<(RunReport, Result<(), CliEr
             .read_report::<TrackingReport>(TRACKING_REPORT_FILE)
             .ok(),
         restarts: supervisor.restarts().to_vec(),
+        last_cycles: stops.written,
     };
     supervisor.leave();
     let ended = watched
@@ -108,6 +113,7 @@ fn watch(
     supervisor: &mut Supervisor,
     config: &RunConfig,
     stop: &AtomicBool,
+    stops: &mut StopFiles,
 ) -> Result<(), SupervisorError> {
     supervisor.start_loop()?;
     let progress = Progress::new(config);
@@ -115,16 +121,49 @@ fn watch(
         if let Some(status) = supervisor.newest_status() {
             progress.show(&status);
         }
+        stops.write(supervisor);
         std::thread::sleep(WATCH_INTERVAL);
     }
     Ok(())
+}
+
+/// Writes the loop's last cycles before each stop, and remembers where.
+struct StopFiles {
+    config: RunConfig,
+    robot: Robot,
+    written: Vec<PathBuf>,
+}
+
+impl StopFiles {
+    fn new(plan: &Plan) -> Self {
+        Self {
+            config: plan.config.clone(),
+            robot: plan.robot.clone(),
+            written: Vec::new(),
+        }
+    }
+
+    fn write(&mut self, supervisor: &mut Supervisor) {
+        let Some(record) = self.config.record.clone() else {
+            return;
+        };
+        while let Some((stop, cycles)) = supervisor.last_cycles() {
+            let path = stop_path(&record, stop);
+            match last_cycles::write(&path, &self.config, &self.robot, &cycles) {
+                Ok(()) => self.written.push(path),
+                Err(error) => {
+                    eprintln!("flexspline: the last cycles before a stop are lost: {error}")
+                }
+            }
+        }
+    }
 }
 
 /// A run whose input has been checked.
 struct Plan {
     instance: Instance,
     config: RunConfig,
-    robot_name: String,
+    robot: Robot,
 }
 
 impl Plan {
@@ -187,7 +226,7 @@ impl Plan {
         Ok(Self {
             instance,
             config,
-            robot_name: robot.name,
+            robot,
         })
     }
 }
@@ -313,10 +352,13 @@ impl RunReport {
                 "the loop left no report; it was killed or could not start".to_owned(),
             ));
         };
-        if timing.final_state == "SafeStop" {
+        if ["SafeStop", "Faulted"].contains(&timing.final_state.as_str()) {
             let why = timing.last_fault.as_deref().unwrap_or("unknown");
+            let kept = self.last_cycles.last().map_or(String::new(), |path| {
+                format!("; its last cycles: {}", path.display())
+            });
             return Err(CliError::Negative(format!(
-                "the loop stopped for safety: {why}"
+                "the loop stopped for safety: {why}{kept}"
             )));
         }
         if let Some(error) = self

@@ -33,6 +33,8 @@ pub struct RunReport {
     pub tracking: Option<TrackingReport>,
     /// Services that ended and were started again.
     pub restarts: Vec<Restart>,
+    /// The loop's last cycles before each stop.
+    pub last_cycles: Vec<PathBuf>,
 }
 
 impl fmt::Display for RunReport {

@@ -95,6 +95,9 @@ impl Child {
         let status = self.process.try_wait().ok().flatten()?;
         Some(match (status.code(), status.signal()) {
             (Some(code), _) => format!("exit code {code}"),
+            (None, Some(libc::SIGBUS)) => {
+                "signal 7: shared memory is full; free space in /dev/shm".to_owned()
+            }
             (None, Some(signal)) => format!("signal {signal}"),
             (None, None) => "unknown end".to_owned(),
         })

@@ -2,6 +2,8 @@
 
 pub mod child;
 pub mod janitor;
+pub mod last_cycles;
+mod operator;
 
 use std::fs::{File, TryLockError};
 use std::io::{PipeWriter, Read, Seek, Write};
@@ -12,11 +14,13 @@ use std::time::{Duration, Instant};
 use realtime::process::{bind_to_parent, user_id};
 use shm_types::bus::{Bus, BusError, Reader};
 use shm_types::instance::{Instance, InstanceError, RunConfig};
-use shm_types::messages::LoopStatus;
+use shm_types::messages::{LastCycle, LoopStatus};
 use shm_types::roster::{self, Member};
 use shm_types::topics::{self, Role};
 
 use child::{Child, Restart};
+use last_cycles::LastCycles;
+use operator::Operator;
 
 /// How long a process may take from its start to its first heartbeat.
 const START_PATIENCE: Duration = Duration::from_secs(10);
@@ -28,8 +32,9 @@ const STOP_PATIENCE: Duration = Duration::from_secs(3);
 pub const WATCH_INTERVAL: Duration = Duration::from_millis(5);
 /// How often a lock that vanished while it was taken is tried again.
 const LOCK_TRIES: usize = 100;
-/// A service that ends this often in a row before it gave a sign of life is not started again.
-const FAILED_STARTS_MAX: usize = 5;
+/// A service that ends this often in a row before it gave a sign of life is not started again: it is broken, and was not
+/// killed at a bad moment by somebody who does that at random.
+const FAILED_STARTS_MAX: usize = 20;
 
 /// Why an instance cannot be started or kept.
 #[derive(Debug, thiserror::Error)]
@@ -85,6 +90,8 @@ pub struct Supervisor {
     children: Vec<Child>,
     bus: Bus,
     status: Reader<LoopStatus>,
+    operator: Operator,
+    last_cycles: LastCycles,
     restarts: Vec<Restart>,
     begun: Instant,
     _lock: File,
@@ -103,7 +110,11 @@ impl Supervisor {
         let (life_line, janitor) = start_janitor(instance, &lock)?;
         let bus = Bus::join(instance)?;
         let status = bus.reader(&topics::OBSERVED_STATUS)?;
+        let operator = Operator::open(&bus, config.session)?;
+        let last_cycles = LastCycles::open(&bus, config)?;
         let mut supervisor = Self {
+            operator,
+            last_cycles,
             instance: instance.clone(),
             janitor,
             life_line,
@@ -207,11 +218,12 @@ impl Supervisor {
         }
     }
 
-    /// Looks after the processes once: restarts services that ended or hang. `true` while the loop runs.
+    /// Looks after the processes once: passes the operator's orders on, restarts services that ended or hang. `true` while the loop runs.
     ///
     /// # Errors
     /// [`SupervisorError::Lost`] if the emulator is gone, or a service ends again and again.
     pub fn watch(&mut self) -> Result<bool, SupervisorError> {
+        self.operator.pass_on();
         let mut to_restart = Vec::new();
         for child in &mut self.children {
             child.listen();
@@ -227,11 +239,16 @@ impl Supervisor {
             }
             let reason = match child.ended() {
                 Some(ended) => ended,
-                None if child.is_silent(SILENCE_MAX) => {
+                None => {
+                    // A loop that only starts is missed by nobody: the joints are braked.
+                    let starts = child.role() == Role::Loop && !child.is_ready();
+                    let patience = if starts { START_PATIENCE } else { SILENCE_MAX };
+                    if !child.is_silent(patience) {
+                        continue;
+                    }
                     child.kill();
-                    format!("silent for {} s", SILENCE_MAX.as_secs())
+                    format!("silent for {} s", patience.as_secs())
                 }
-                None => continue,
             };
             match child.role() {
                 Role::Loop => {
@@ -264,6 +281,11 @@ impl Supervisor {
     /// The loop's newest status, if there is one since the last look.
     pub fn newest_status(&self) -> Option<LoopStatus> {
         self.status.take_newest()
+    }
+
+    /// The number of a stop, from 1, and the loop's last cycles before it, once they are all there.
+    pub fn last_cycles(&mut self) -> Option<(usize, Vec<LastCycle>)> {
+        self.last_cycles.take()
     }
 
     /// Services that ended during the run and were started again.
@@ -308,10 +330,12 @@ impl Supervisor {
             life_line,
             bus,
             status,
+            operator,
+            last_cycles,
             children,
             ..
         } = self;
-        drop((children, status, bus, life_line));
+        drop((children, status, operator, last_cycles, bus, life_line));
         let _ = janitor.wait();
     }
 }

@@ -21,16 +21,17 @@ use plant_emulator::process::emulated_plant;
 use plant_emulator::{Plant, PlantError, PlantParameters};
 use recording::{CycleRow, WriteError, Writer};
 use robot::{Injection, Robot};
-use rt_loop::cycle::{CycleInput, CycleState, Fault, loop_status};
+use rt_loop::cycle::{CycleInput, CycleState, Orders};
 use rt_loop::process::cycle_config;
 use rt_loop::statistics::{Counters, CycleTimes};
+use rt_loop::status::loop_status;
 use services::controller::Controller;
 use services::estimators::{Estimators, EstimatorsError};
 use services::feedforward::FeedforwardError;
 use services::relay::{CycleMessages, record_row, recording_header};
 use services::tracking::{Tracking, TrackingReport};
 use shm_types::instance::RunConfig;
-use shm_types::messages::{DriveCommand, DriveMode, Header, LoopState};
+use shm_types::messages::{DriveCommand, DriveMode, Header};
 
 /// Why a twin cannot run.
 #[derive(Debug, thiserror::Error)]
@@ -136,17 +137,23 @@ pub fn simulate_plant(
     for cycle in 0..run.cycles {
         let planned_ns = cycle * run.period_ns;
         let (drive_sample, truth) = drives.measure(planned_ns);
-        let sample = state.sensor_sample(&config, cycle, &drive_sample);
-        let command = controller.command(&sample);
-        let estimate = estimators.estimate(&sample);
-        controller.take_estimate(estimate);
+        let admitted = state.admit(&config, cycle, &drive_sample);
+        let sample = admitted
+            .is_ok()
+            .then(|| state.sensor_sample(&config, cycle, &drive_sample));
+        let command = sample.map(|sample| controller.command(&sample));
+        let estimate = sample.map(|sample| estimators.estimate(&sample));
+        if let Some(estimate) = estimate {
+            controller.take_estimate(estimate);
+        }
         let output = state.step(
             &config,
             &CycleInput {
                 cycle,
                 planned_ns,
-                sample: Ok(&drive_sample),
-                command: Some(&command),
+                sample: admitted.map(|()| &drive_sample),
+                command: command.as_ref(),
+                orders: Orders::default(),
             },
         );
         drives.take(output.drive_command);
@@ -158,21 +165,20 @@ pub fn simulate_plant(
         );
         let messages = CycleMessages {
             cycle,
-            sample: Some(sample),
-            command: Some(command),
-            estimate: Some(estimate),
+            sample,
+            command,
+            estimate,
             status: Some(status),
             truth: Some(truth),
         };
         if !each(&messages) {
             return Ok(());
         }
-        if state.state == LoopState::SafeStop {
+        if state.state.is_latched() {
+            let reason = state.fault.map(|fault| fault.sentence(&config.joint_names));
             return Err(TwinError::SafeStop {
                 time_s: planned_ns as f64 * 1e-9,
-                fault: state
-                    .fault
-                    .map_or("unknown".to_owned(), |fault| describe(fault, robot)),
+                fault: reason.unwrap_or_default(),
             });
         }
         drives.advance();
@@ -232,16 +238,5 @@ fn brake(run: &RunConfig, joint_count: usize) -> DriveCommand {
         },
         mode: DriveMode::Braked as u32,
         ..DriveCommand::default()
-    }
-}
-
-fn describe(fault: Fault, robot: &Robot) -> String {
-    let joint = |index: u32| robot.joints.get(index as usize);
-    match fault {
-        Fault::Runaway { joint: index } => {
-            let name = joint(index).map_or("a joint", |joint| &joint.name);
-            format!("{name} far outside its limits")
-        }
-        other => format!("{other:?}"),
     }
 }

@@ -1,0 +1,548 @@
+//! Laws of the cycle.
+
+use super::*;
+use crate::admission::{check_sample, is_usable};
+use proptest::prelude::*;
+use shm_types::JOINTS_MAX;
+
+fn config() -> CycleConfig {
+    let joint = JointLimits {
+        gear_ratio: 50.0,
+        motor_torque_nm: 2.0,
+        motor_torque_rate_nm_s: 300.0,
+        position_min_rad: -1.0,
+        position_max_rad: 1.0,
+        velocity_rad_s: 1.0,
+        acceleration_rad_s2: 10.0,
+        damping_nm_s_rad: 50.0,
+    };
+    CycleConfig {
+        session: 9,
+        period_ns: 666_667,
+        joints: vec![joint; 2],
+        joint_names: vec!["shoulder".to_owned(), "elbow".to_owned()],
+        hold_cycles: 3,
+        damping_cycles: 2,
+        waiting_cycles: 2,
+    }
+}
+
+fn sample(position_rad: f64) -> DriveSample {
+    let header = Header {
+        session: 9,
+        cycle: 0,
+        measured_at_ns: 0,
+        joint_count: 2,
+    };
+    let mut sample = DriveSample {
+        header,
+        ..DriveSample::default()
+    };
+    sample.readings.motor_position_rad[..2].fill(50.0 * position_rad);
+    sample
+}
+
+fn command(torque_nm: f64) -> Command {
+    Command {
+        mode: DriveMode::Torque as u32,
+        motor_torque_nm: [torque_nm; JOINTS_MAX],
+        ..Command::default()
+    }
+}
+
+fn run(
+    state: &mut CycleState,
+    cycle: u64,
+    sample: Result<&DriveSample, DriveFault>,
+    command: Option<&Command>,
+) -> CycleOutput {
+    state.step(
+        &config(),
+        &CycleInput {
+            cycle,
+            planned_ns: cycle * 666_667,
+            sample,
+            command,
+            orders: Orders::default(),
+        },
+    )
+}
+
+#[test]
+fn the_policy_for_missing_commands_goes_step_by_step_and_latches() {
+    let (still, hold) = (sample(0.0), command(1.0));
+    let mut state = CycleState::default();
+    let mut seen = Vec::new();
+    run(&mut state, 0, Err(DriveFault::NoSample), None);
+    seen.push(state.state);
+    run(&mut state, 1, Ok(&still), None);
+    seen.push(state.state);
+    let first = run(&mut state, 2, Ok(&still), Some(&hold));
+    assert_eq!(
+        first.drive_command.motor_torque_nm[0], 1.0,
+        "brakes open with the whole torque"
+    );
+    seen.push(state.state);
+    for cycle in 3..12 {
+        run(&mut state, cycle, Ok(&still), None);
+        seen.push(state.state);
+    }
+    let late = run(&mut state, 12, Ok(&still), Some(&hold));
+    seen.push(state.state);
+    use LoopState::*;
+    assert_eq!(
+        seen,
+        [
+            Initialising,
+            Ready,
+            Running,
+            Holding,
+            Holding,
+            Holding,
+            Damping,
+            Damping,
+            Damping,
+            Damping,
+            SafeStop,
+            SafeStop,
+            SafeStop
+        ]
+    );
+    assert_eq!(late.drive_command.mode, DriveMode::Braked as u32);
+    assert_eq!(late.drive_command.motor_torque_nm[0], 0.0);
+}
+
+#[test]
+fn one_late_cycle_changes_nothing_but_a_counter() {
+    let (still, hold) = (sample(0.0), command(1.0));
+    let mut state = CycleState::default();
+    for cycle in 0..100 {
+        run(&mut state, cycle, Ok(&still), Some(&hold));
+    }
+    let held = run(&mut state, 100, Ok(&still), None);
+    assert_eq!(
+        (state.state, held.drive_command.motor_torque_nm[0]),
+        (LoopState::Holding, 1.0)
+    );
+    let before_ns = motion_time_ns(&state);
+    run(&mut state, 101, Ok(&still), Some(&hold));
+    assert_eq!(state.state, LoopState::Running);
+    assert_eq!(
+        motion_time_ns(&state),
+        before_ns + 666_667,
+        "the trajectory keeps time"
+    );
+}
+
+#[test]
+fn skipped_periods_advance_the_trajectory_and_damping_stops_it() {
+    let (still, hold) = (sample(0.0), command(0.0));
+    let mut state = CycleState::default();
+    run(&mut state, 0, Ok(&still), Some(&hold));
+    run(&mut state, 5, Ok(&still), Some(&hold));
+    assert_eq!(motion_time_ns(&state), 5 * 666_667);
+    for cycle in 6..11 {
+        run(&mut state, cycle, Ok(&still), None);
+    }
+    assert_eq!((state.state, state.clock.rate()), (LoopState::Damping, 0.0));
+    let waiting_ns = motion_time_ns(&state);
+    run(&mut state, 11, Ok(&still), Some(&hold));
+    assert_eq!(motion_time_ns(&state), waiting_ns);
+    let asked = state.sensor_sample(&config(), 12, &still);
+    assert!(
+        asked.motion_time_ns < waiting_ns + 666_667 / 100,
+        "starts again gently"
+    );
+}
+
+#[test]
+fn drives_that_have_stopped_are_acknowledged_and_the_run_goes_on() {
+    let (still, hold) = (sample(0.0), command(1.0));
+    let stopped = DriveSample {
+        mode: DriveMode::Damping as u32,
+        ..still
+    };
+    let mut state = CycleState::default();
+    for cycle in 0..10 {
+        run(&mut state, cycle, Ok(&still), Some(&hold));
+    }
+    let acknowledged = run(&mut state, 10, Ok(&stopped), Some(&hold));
+    assert_eq!(
+        (state.state, acknowledged.drive_command.mode),
+        (LoopState::Damping, DriveMode::Damping as u32)
+    );
+    assert_eq!(state.fault, Some(Fault::DrivesStopped));
+    // The drives still show damping for two cycles, now because they were asked to.
+    for cycle in 11..13 {
+        let output = run(&mut state, cycle, Ok(&stopped), Some(&hold));
+        assert_eq!(
+            (state.state, output.drive_command.mode),
+            (LoopState::Running, DriveMode::Torque as u32)
+        );
+    }
+    run(&mut state, 13, Ok(&still), Some(&hold));
+    assert_eq!(state.state, LoopState::Running);
+}
+
+#[test]
+fn velocities_are_limited_held_and_dropped_like_torques() {
+    let still = sample(0.0);
+    let ask = |velocity_rad_s| Command {
+        mode: DriveMode::Velocity as u32,
+        joint_velocity_rad_s: [velocity_rad_s; JOINTS_MAX],
+        ..Command::default()
+    };
+    let mut state = CycleState::default();
+    let mut sent_rad_s = 0.0;
+    for cycle in 0..200 {
+        let output = run(&mut state, cycle, Ok(&still), Some(&ask(5.0)));
+        assert_eq!(output.drive_command.mode, DriveMode::Velocity as u32);
+        let rad_s = output.drive_command.joint_velocity_rad_s[0];
+        assert!(
+            rad_s - sent_rad_s < 10.0 / 1500.0 + 1e-6,
+            "no faster than the limit"
+        );
+        sent_rad_s = rad_s;
+    }
+    assert_eq!(sent_rad_s, 1.0, "the velocity limit");
+    let held = run(&mut state, 200, Ok(&still), None);
+    assert_eq!(held.drive_command.joint_velocity_rad_s[0], 1.0);
+    for cycle in 201..210 {
+        run(&mut state, cycle, Ok(&still), None);
+    }
+    let damped = run(&mut state, 210, Ok(&still), None);
+    assert_ne!(damped.drive_command.mode, DriveMode::Velocity as u32);
+    assert_eq!(damped.drive_command.joint_velocity_rad_s[0], 0.0);
+    assert!(!is_usable(&ask(f64::NAN), 2));
+    assert!(!is_usable(
+        &Command {
+            mode: 9,
+            ..ask(0.0)
+        },
+        2
+    ));
+}
+
+#[test]
+fn a_joint_that_runs_away_ends_the_run() {
+    let hold = command(0.0);
+    let mut state = CycleState::default();
+    run(&mut state, 0, Ok(&sample(0.0)), Some(&hold));
+    let output = run(&mut state, 1, Ok(&sample(0.0015)), Some(&hold));
+    assert_eq!(state.state, LoopState::Faulted);
+    let reason = state
+        .fault
+        .map(|fault| fault.sentence(&config().joint_names));
+    let reason = reason.unwrap();
+    assert!(
+        reason.contains("shoulder ran away: 2.250 rad/s"),
+        "{reason}"
+    );
+    assert_eq!(output.drive_command.mode, DriveMode::Braked as u32);
+}
+
+#[test]
+fn a_repeated_sample_at_high_speed_is_no_runaway() {
+    let hold = command(0.0);
+    let mut state = CycleState::default();
+    // 0.9 of the velocity limit; every tenth sample is that of the cycle before.
+    for cycle in 0..1000_u64 {
+        let seen = if cycle % 10 == 9 { cycle - 1 } else { cycle };
+        let moving = sample(0.9 * seen as f64 / 1500.0);
+        run(&mut state, cycle, Ok(&moving), Some(&hold));
+        assert_eq!(state.state, LoopState::Running, "cycle {cycle}");
+    }
+}
+
+#[test]
+fn one_jump_of_an_encoder_is_not_believed_and_one_that_stays_is_a_fault() {
+    let config = config();
+    let mut state = CycleState::default();
+    run(&mut state, 0, Ok(&sample(0.0)), Some(&command(0.0)));
+    let jumped = sample(0.05);
+    let refused = Err(DriveFault::JumpedSample { joint: 0 });
+    assert_eq!(state.admit(&config, 1, &jumped), refused);
+    run(&mut state, 1, refused.map(|()| &jumped), None);
+    assert_eq!(state.state, LoopState::Holding);
+    assert_eq!(state.admit(&config, 2, &sample(0.0001)), Ok(()));
+    // A joint at its velocity limit would need 75 cycles for it; at ten times that it is no longer a jump but a runaway.
+    let believed = (2..100).find(|&cycle| state.admit(&config, cycle, &jumped).is_ok());
+    let cycle = believed.unwrap();
+    run(&mut state, cycle, Ok(&jumped), Some(&command(0.0)));
+    assert_eq!((cycle, state.state), (8, LoopState::Faulted));
+}
+
+#[test]
+fn an_encoder_that_stands_while_its_reference_goes_on_is_a_fault() {
+    let mut state = CycleState::default();
+    let mut reference = command(0.0);
+    let mut stopped_at_rad = None;
+    for cycle in 0..2000_u64 {
+        reference.reference_position_rad[..2].fill(0.3 * cycle as f64 / 1500.0);
+        // The second joint's encoder shows no step; the first one's is coarse.
+        let mut seen = sample(0.0);
+        seen.readings.motor_position_rad[0] = 0.01 * (cycle / 100) as f64;
+        run(&mut state, cycle, Ok(&seen), Some(&reference));
+        if state.state == LoopState::Faulted {
+            stopped_at_rad.get_or_insert(reference.reference_position_rad[0]);
+        }
+    }
+    assert!(
+        matches!(state.fault, Some(Fault::Stuck { joint: 1, .. })),
+        "{:?}",
+        state.fault
+    );
+    let stuck_rad = crate::reference_watch::STUCK_REFERENCE_RAD;
+    assert!((stopped_at_rad.unwrap() - stuck_rad).abs() < 0.001);
+}
+
+#[test]
+fn a_joint_far_from_its_reference_is_a_fault() {
+    let mut state = CycleState::default();
+    let mut reference = command(0.0);
+    run(&mut state, 0, Ok(&sample(0.0)), Some(&reference));
+    reference.reference_position_rad[1] = -0.9;
+    run(&mut state, 1, Ok(&sample(0.0)), Some(&reference));
+    assert_eq!(state.state, LoopState::Running, "low gains");
+    reference.reference_position_rad[..2].fill(-1.1);
+    let output = run(&mut state, 2, Ok(&sample(0.0)), Some(&reference));
+    assert!(matches!(
+        state.fault,
+        Some(Fault::Stuck { .. } | Fault::Astray { joint: 0, .. })
+    ));
+    assert_eq!(output.drive_command.mode, DriveMode::Braked as u32);
+}
+
+fn run_with(state: &mut CycleState, cycle: u64, orders: Orders, inputs: u32) -> CycleOutput {
+    let seen = DriveSample {
+        inputs,
+        ..sample(0.0)
+    };
+    let asked = command(1.0);
+    let input = CycleInput {
+        cycle,
+        planned_ns: cycle * 666_667,
+        sample: Ok(&seen),
+        command: Some(&asked),
+        orders,
+    };
+    state.step(&config(), &input)
+}
+
+#[test]
+fn an_emergency_stop_brakes_in_its_cycle_and_only_a_reset_without_it_goes_on() {
+    let none = Orders::default();
+    let reset = Orders {
+        reset: true,
+        ..none
+    };
+    let mut state = CycleState::default();
+    run_with(&mut state, 0, none, 0);
+    run_with(&mut state, 1, none, 0);
+    let stopped = run_with(&mut state, 2, none, EMERGENCY_STOP_PRESSED);
+    assert_eq!(stopped.drive_command.mode, DriveMode::Braked as u32);
+    assert_eq!(
+        (state.state, state.fault),
+        (LoopState::SafeStop, Some(Fault::EmergencyStop))
+    );
+    run_with(&mut state, 3, reset, EMERGENCY_STOP_PRESSED);
+    assert_eq!(state.state, LoopState::SafeStop, "still pressed");
+    run_with(&mut state, 4, none, 0);
+    assert_eq!(state.state, LoopState::SafeStop, "released is not reset");
+    run_with(&mut state, 5, reset, 0);
+    assert_eq!(state.state, LoopState::Ready);
+    let moving = run_with(&mut state, 6, none, 0);
+    assert_eq!(state.state, LoopState::Running);
+    assert_eq!(
+        moving.drive_command.motor_torque_nm[0], 1.0,
+        "brakes open with the whole torque"
+    );
+    for orders in [
+        Orders {
+            emergency_stop: true,
+            ..none
+        },
+        Orders {
+            supervisor_silent: true,
+            ..none
+        },
+    ] {
+        let mut state = state.clone();
+        let stopped = run_with(&mut state, 7, orders, 0);
+        assert_eq!(
+            (state.state, stopped.drive_command.mode),
+            (LoopState::SafeStop, DriveMode::Braked as u32)
+        );
+    }
+}
+
+#[test]
+fn drives_that_never_obey_again_end_the_run() {
+    let (still, hold) = (sample(0.0), command(1.0));
+    let stopped = DriveSample {
+        mode: DriveMode::Damping as u32,
+        ..still
+    };
+    let mut state = CycleState::default();
+    let end = (0..2000).find(|&cycle| {
+        run(&mut state, cycle, Ok(&stopped), Some(&hold));
+        state.state.is_latched()
+    });
+    assert_eq!(state.state, LoopState::SafeStop);
+    assert!(end.unwrap() < 600, "{end:?}");
+}
+
+#[test]
+fn samples_that_are_not_ours_or_no_numbers_are_faults() {
+    let mut foreign = sample(0.0);
+    foreign.header.session = 8;
+    assert_eq!(
+        check_sample(&foreign, 9, 0, 2),
+        Err(DriveFault::ForeignSample)
+    );
+    let mut broken = sample(0.0);
+    broken.readings.motor_position_rad[1] = f64::INFINITY;
+    assert_eq!(
+        check_sample(&broken, 9, 0, 2),
+        Err(DriveFault::InvalidSample { joint: 1 })
+    );
+    assert!(!is_usable(&command(f64::NAN), 2));
+}
+
+#[derive(Clone, Debug)]
+struct AnyCycle {
+    sample: u8,
+    positions_rad: (f64, f64),
+    mode: u32,
+    inputs: u32,
+    command: Option<(u32, f64, f64)>,
+    orders: Orders,
+    skipped: u64,
+}
+
+fn any_number() -> impl Strategy<Value = f64> {
+    prop_oneof![4 => -3.0..3.0_f64, 1 => any::<f64>(), 1 => prop::num::f64::ANY]
+}
+
+fn any_cycle() -> impl Strategy<Value = AnyCycle> {
+    let position = || prop_oneof![8 => -0.001..0.001_f64, 1 => any_number()];
+    let rarely = || prop::bool::weighted(0.03);
+    (
+        0..8_u8,
+        (position(), position()),
+        0..5_u32,
+        prop_oneof![20 => Just(0_u32), 1 => Just(EMERGENCY_STOP_PRESSED), 1 => any::<u32>()],
+        prop::option::weighted(0.8, (0..5_u32, any_number(), any_number())),
+        (rarely(), prop::bool::weighted(0.2), rarely()),
+        prop_oneof![9 => Just(0_u64), 1 => 0..30_u64],
+    )
+        .prop_map(
+            |(
+                sample,
+                positions_rad,
+                mode,
+                inputs,
+                command,
+                (emergency_stop, reset, supervisor_silent),
+                skipped,
+            )| {
+                AnyCycle {
+                    sample,
+                    positions_rad,
+                    mode,
+                    inputs,
+                    command,
+                    orders: Orders {
+                        emergency_stop,
+                        reset,
+                        supervisor_silent,
+                    },
+                    skipped,
+                }
+            },
+        )
+}
+
+/// Checks and admits as the loop does, then steps.
+fn run_any(state: &mut CycleState, cycle: u64, any: &AnyCycle) -> (CycleOutput, bool) {
+    let config = config();
+    let mut seen = DriveSample {
+        mode: any.mode,
+        inputs: any.inputs,
+        ..sample(0.0)
+    };
+    seen.header.cycle = cycle;
+    seen.header.session += u64::from(any.sample == 1);
+    seen.readings.motor_position_rad[0] = 50.0 * any.positions_rad.0;
+    seen.readings.motor_position_rad[1] = 50.0 * any.positions_rad.1;
+    let sample = match any.sample {
+        0 => Err(DriveFault::NoSample),
+        _ => check_sample(&seen, 9, cycle, 2).and_then(|()| state.admit(&config, cycle, &seen)),
+    };
+    let asked = any
+        .command
+        .map(|(mode, torque_nm, velocity_rad_s)| Command {
+            mode,
+            motor_torque_nm: [torque_nm; JOINTS_MAX],
+            joint_velocity_rad_s: [velocity_rad_s; JOINTS_MAX],
+            reference_position_rad: [torque_nm; JOINTS_MAX],
+            ..Command::default()
+        });
+    let asked = asked.filter(|command| sample.is_ok() && is_usable(command, 2));
+    let fresh = sample.is_ok() && asked.is_some();
+    let input = CycleInput {
+        cycle,
+        planned_ns: cycle * 666_667,
+        sample: sample.map(|()| &seen),
+        command: asked.as_ref(),
+        orders: any.orders,
+    };
+    (state.step(&config, &input), fresh)
+}
+
+proptest! {
+    /// Whatever comes in whatever order: torque or velocity of a command only flows while one is fresh or was a moment
+    /// ago; nothing moves in a state that is not to; every number sent is finite and within its limit; latched is latched.
+    #[test]
+    fn no_messages_lead_to_torque_from_an_invalid_state(cycles in prop::collection::vec(any_cycle(), 1..120)) {
+        let config = config();
+        let mut state = CycleState::default();
+        let mut since_command = u64::MAX / 2;
+        let mut cycle = 0;
+        for any in &cycles {
+            cycle += 1 + any.skipped;
+            let before = state.state;
+            let (output, fresh) = run_any(&mut state, cycle, any);
+            since_command = if fresh { 0 } else { since_command + 1 };
+            let sent = &output.drive_command;
+            let moves = sent.mode == DriveMode::Torque as u32 || sent.mode == DriveMode::Velocity as u32;
+            match state.state {
+                LoopState::Running => prop_assert!(fresh),
+                LoopState::Holding => prop_assert!(since_command <= config.hold_cycles),
+                LoopState::Damping => prop_assert!(sent.mode != DriveMode::Velocity as u32),
+                _ => prop_assert_eq!(sent.mode, DriveMode::Braked as u32),
+            }
+            for joint in 0..2 {
+                prop_assert!(sent.motor_torque_nm[joint].abs() <= config.joints[joint].motor_torque_nm);
+                prop_assert!(sent.joint_velocity_rad_s[joint].abs() <= config.joints[joint].velocity_rad_s);
+                prop_assert!(moves || (sent.motor_torque_nm[joint] == 0.0 && sent.joint_velocity_rad_s[joint] == 0.0));
+            }
+            if state.state == LoopState::Damping && any.sample == 0 {
+                prop_assert!(sent.mode == DriveMode::Damping as u32 || sent.mode == DriveMode::Braked as u32);
+            }
+            if before == LoopState::Faulted {
+                prop_assert_eq!(state.state, LoopState::Faulted);
+            }
+            if before == LoopState::SafeStop && state.state != before {
+                prop_assert!(any.orders.reset && !any.orders.emergency_stop && state.state == LoopState::Ready);
+            }
+            if any.orders.emergency_stop || any.orders.supervisor_silent {
+                prop_assert!(state.state.is_latched());
+            }
+        }
+    }
+}
+
+fn motion_time_ns(state: &CycleState) -> u64 {
+    state.clock.time_at_ns(&config(), LoopState::Ready, 0)
+}
