@@ -7,6 +7,7 @@ mod doctor;
 mod error;
 mod estimate;
 mod faults;
+mod gap;
 mod identify;
 mod monitor;
 mod output;
@@ -42,6 +43,7 @@ fn main() -> ExitCode {
         Command::Monitor(arguments) => monitor::monitor(&arguments),
         Command::Doctor(arguments) => doctor::doctor(&arguments),
         Command::Faults(arguments) => faults::faults(&arguments),
+        Command::Gap(command) => gap::gap(&command),
         Command::Process(arguments) => process::run(&arguments),
     };
     match outcome {

@@ -57,6 +57,14 @@ pub enum PlantError {
         /// Index of the last joint.
         last: usize,
     },
+    /// A disturbance acts on a joint that is not there.
+    #[error("a disturbance at joint {joint}, the robot has joints 0 to {}; name one of them", joints - 1)]
+    DisturbedJoint {
+        /// The joint named.
+        joint: usize,
+        /// Joints of the robot.
+        joints: usize,
+    },
     /// More terms of a kind at one joint than the plant has room for.
     #[error("joint {joint}: too many effects of the kind of {effect}, at most {at_most}")]
     TooManyEffects {

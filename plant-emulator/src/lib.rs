@@ -43,6 +43,7 @@
 #![forbid(unsafe_code)]
 
 mod deviation;
+mod disturbance;
 pub mod drives;
 mod error;
 mod inject;
@@ -56,6 +57,7 @@ mod sensors;
 mod servo;
 mod signals;
 
+pub use disturbance::{ArmMotion, Disturbance};
 pub use error::PlantError;
 pub use parameters::{JointPlantParameters, PlantParameters};
 pub use plant::Plant;

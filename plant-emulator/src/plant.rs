@@ -9,6 +9,7 @@ use joint_model::JOINTS_MAX;
 use joint_model::rigid_body::Chain;
 use robot::{Injection, Push, Robot};
 
+use crate::disturbance::{ArmMotion, Disturbance};
 use crate::inject::{Conditions, TimedEffect};
 use crate::mechanics::{JointConstants, JointState, LinkMotion};
 use crate::noise::Noise;
@@ -110,7 +111,7 @@ impl Joint {
 }
 
 /// The emulated arm.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Plant {
     joints: Vec<Joint>,
     pushes: Vec<Push>,
@@ -125,6 +126,8 @@ pub struct Plant {
     period_s: f64,
     substeps: usize,
     sample: PlantSample,
+    /// Each with the joint whose link it acts on.
+    disturbances: Vec<(usize, Box<dyn Disturbance>)>,
 }
 
 impl Plant {
@@ -159,18 +162,36 @@ impl Plant {
         self
     }
 
+    /// Has something outside every model act on a joint's link, beside whatever acts there already.
+    ///
+    /// # Errors
+    /// [`PlantError::DisturbedJoint`] if there is no such joint.
+    pub fn disturb(
+        &mut self,
+        joint: usize,
+        disturbance: Box<dyn Disturbance>,
+    ) -> Result<(), PlantError> {
+        let joints = self.joints.len();
+        if joint >= joints {
+            return Err(PlantError::DisturbedJoint { joint, joints });
+        }
+        self.disturbances.push((joint, disturbance));
+        Ok(())
+    }
+
     /// Advances one control period. The command reaches the drives at its beginning, the sensors latch at its end.
     pub fn step(&mut self, command: &PlantCommand) -> PlantSample {
         self.begin_period(command);
         let arrivals = self.arrivals();
         let step_s = self.period_s / self.substeps as f64;
+        let start_s = self.time_s();
         for substep in 0..self.substeps {
             for (joint, (sent_cycle, at_substep)) in self.joints.iter_mut().zip(arrivals) {
                 if substep == at_substep {
                     joint.receive(sent_cycle);
                 }
             }
-            self.advance(step_s);
+            self.advance(start_s + substep as f64 * step_s, step_s);
         }
         self.refresh_mobility();
         self.cycle += 1;
@@ -232,7 +253,7 @@ impl Plant {
     }
 
     /// One substep: joint torques from the motion at its beginning, velocities from them, positions from those.
-    fn advance(&mut self, step_s: f64) {
+    fn advance(&mut self, time_s: f64, step_s: f64) {
         let mut torque_nm = [0.0; JOINTS_MAX];
         let mut acceleration_rad_s2 = [0.0; JOINTS_MAX];
         for (index, joint) in self.joints.iter_mut().enumerate() {
@@ -241,6 +262,16 @@ impl Plant {
                 self.link_velocity_rad_s[index],
                 step_s,
             ) + self.external_nm[index];
+        }
+        let joints = self.joints.len();
+        let arm = ArmMotion {
+            time_s,
+            step_s,
+            link_position_rad: &self.link_position_rad[..joints],
+            link_velocity_rad_s: &self.link_velocity_rad_s[..joints],
+        };
+        for (joint, disturbance) in &mut self.disturbances {
+            torque_nm[*joint] += disturbance.torque_nm(&arm);
         }
         let (_, chain) = &self.chains[self.chain];
         chain.forward_dynamics(

@@ -1,7 +1,7 @@
 //! Self-contained HTML pages: one file that opens from disk, needs no network and runs no script.
 //!
-//! A [`Page`] has a title, its verdict in one sentence, and [`Section`]s of paragraphs, [`Table`]s, definitions and
-//! [`Figure`]s. Everything is plain data; [`Page::to_html`] is a pure function of it: the same page gives the same bytes.
+//! A [`Page`] has a title, its verdict in one sentence, and [`Section`]s of paragraphs, [`Table`]s, definitions,
+//! [`Figure`]s and drawings of a [`Chain`]. Everything is plain data; [`Page::to_html`] is a pure function of it: the same page gives the same bytes.
 //! Text is escaped, and values that are not finite leave a gap in a figure.
 //!
 //! ```
@@ -21,6 +21,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod chain;
 mod colours;
 mod decimate;
 mod draw;
@@ -31,6 +32,7 @@ mod page;
 mod scale;
 mod table;
 
+pub use chain::{Chain, Node};
 pub use figure::{Axis, Figure, HeatMap, Panel, Series};
 pub use number::{decimal, number, printed, with_error};
 pub use page::{Page, Section};

@@ -2,7 +2,7 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::{Figure, Table};
+use crate::{Chain, Figure, Table};
 
 const STYLE: &str = include_str!("style.css");
 
@@ -75,6 +75,7 @@ enum Block {
     Definitions(Vec<(String, String)>),
     Table(Table),
     Figure(Figure),
+    Chain(Chain),
 }
 
 impl Section {
@@ -127,6 +128,12 @@ impl Section {
         self.with(Block::Figure(figure))
     }
 
+    /// Adds a drawing of a chain of joints.
+    #[must_use]
+    pub fn chain(self, chain: Chain) -> Self {
+        self.with(Block::Chain(chain))
+    }
+
     fn with(mut self, block: Block) -> Self {
         self.blocks.push(block);
         self
@@ -153,6 +160,7 @@ impl Block {
             },
             Self::Table(table) => table.html(),
             Self::Figure(figure) => figure.html(),
+            Self::Chain(chain) => chain.html(),
         }
     }
 }

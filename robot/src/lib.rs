@@ -38,6 +38,6 @@ pub use nominal::{FrictionFull, add_friction};
 pub use parse::parse as parse_toml;
 pub use published::published;
 pub use push::{Push, load_pushes};
-pub use robot::{Robot, Source, load, load_file, shipped};
+pub use robot::{Robot, Source, load, load_file, load_text, shipped};
 pub use table::{DirectionalFriction, FrictionTable, LoadTorqueRow, LoadTorqueTable, StribeckRow};
 pub use tolerance::{DEFAULT_TOLERANCE, Tolerance};

@@ -81,16 +81,24 @@ pub fn load(name_or_path: &str) -> Result<Robot, RobotError> {
 /// # Errors
 /// [`RobotError`]: one line with file, place, and what to change.
 pub fn load_file(name_or_path: &str) -> Result<(RobotFile, Source), RobotError> {
+    let (text, source) = load_text(name_or_path)?;
+    Ok((RobotFile::parse(&text, name_or_path)?, source))
+}
+
+/// Reads the text of what [`load`] reads: to change it and keep the rest as it was written.
+///
+/// # Errors
+/// [`RobotError`] if there is no such file.
+pub fn load_text(name_or_path: &str) -> Result<(String, Source), RobotError> {
     if let Some((name, text)) = SHIPPED.iter().find(|(name, _)| *name == name_or_path) {
-        return Ok((RobotFile::parse(text, name)?, Source::Shipped(name)));
+        return Ok(((*text).to_owned(), Source::Shipped(name)));
     }
     let text = fs::read_to_string(name_or_path).map_err(|error| RobotError::Read {
         file: name_or_path.to_owned(),
         reason: error.to_string(),
         hint: shipped_hint(name_or_path),
     })?;
-    let file = RobotFile::parse(&text, name_or_path)?;
-    Ok((file, Source::File(PathBuf::from(name_or_path))))
+    Ok((text, Source::File(PathBuf::from(name_or_path))))
 }
 
 fn shipped_hint(name: &str) -> String {

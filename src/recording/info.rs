@@ -8,10 +8,10 @@ use recording::{Finding, RecordingInfo, Severity, SignalInfo, check, describe};
 use serde::Serialize;
 
 use super::read;
-use super::robot::check_robot;
 use crate::cli::RecordingInfoArguments;
 use crate::error::CliError;
 use crate::output::{print, write_json};
+use gap_diagnosis::data::check_robot;
 
 /// One recording, for programs.
 #[derive(Serialize)]

@@ -2,7 +2,6 @@
 
 mod convert;
 mod info;
-mod robot;
 mod simulate;
 
 use std::path::Path;

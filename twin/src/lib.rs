@@ -33,6 +33,9 @@ use services::tracking::{Tracking, TrackingReport};
 use shm_types::instance::RunConfig;
 use shm_types::messages::{DriveCommand, DriveMode, Header};
 
+/// No motor of an arm turns this far, motor side: beyond it the plant's numbers mean nothing.
+const DIVERGED_RAD: f64 = 1e6;
+
 /// Why a twin cannot run.
 #[derive(Debug, thiserror::Error)]
 pub enum TwinError {
@@ -48,6 +51,14 @@ pub enum TwinError {
     /// The recording cannot be written.
     #[error(transparent)]
     Recording(#[from] WriteError),
+    /// The emulated plant has left what it can compute.
+    #[error(
+        "the emulated plant diverged at {time_s:.3} s; its effects are stronger than any gear would bear"
+    )]
+    Diverged {
+        /// When.
+        time_s: f64,
+    },
     /// The loop stopped for safety.
     #[error("the loop stopped for safety at {time_s:.3} s: {fault}")]
     SafeStop {
@@ -137,6 +148,13 @@ pub fn simulate_plant(
     for cycle in 0..run.cycles {
         let planned_ns = cycle * run.period_ns;
         let (drive_sample, truth) = drives.measure(planned_ns);
+        let position_rad = &drive_sample.readings.motor_position_rad[..joint_count];
+        // false for NaN too
+        if !position_rad.iter().all(|angle| angle.abs() < DIVERGED_RAD) {
+            return Err(TwinError::Diverged {
+                time_s: planned_ns as f64 * 1e-9,
+            });
+        }
         let admitted = state.admit(&config, cycle, &drive_sample);
         let sample = admitted
             .is_ok()

@@ -32,6 +32,24 @@ pub struct Link {
     pub inertia_kg_m2: Matrix3<f64>,
 }
 
+impl Link {
+    /// Adds a point mass at a place in the joint frame: parallel axes about the common centre. A total of nothing or
+    /// less is left to [`Chain::new`], which names the link.
+    pub fn add_point_mass(&mut self, mass_kg: f64, centre_m: Vector3<f64>) {
+        let total_kg = self.mass_kg + mass_kg;
+        if total_kg <= 0.0 {
+            self.mass_kg = total_kg;
+            return;
+        }
+        let apart_m = centre_m - self.centre_of_mass_m;
+        let reduced_kg = self.mass_kg * mass_kg / total_kg;
+        self.inertia_kg_m2 += reduced_kg
+            * (Matrix3::identity() * apart_m.norm_squared() - apart_m * apart_m.transpose());
+        self.centre_of_mass_m += apart_m * (mass_kg / total_kg);
+        self.mass_kg = total_kg;
+    }
+}
+
 /// Why a chain cannot be built.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ChainError {

@@ -118,7 +118,7 @@ fn chain<'a>(
         match timed.effect {
             Effect::Payload { mass_kg, centre_m } => {
                 if let Some(last) = links.last_mut() {
-                    add_point_mass(last, mass_kg, Vector3::from(centre_m));
+                    last.add_point_mass(mass_kg, Vector3::from(centre_m));
                 }
             }
             Effect::LinkInertia { inertia_kg_m2 } => {
@@ -138,22 +138,6 @@ fn chain<'a>(
         }
     }
     Chain::new(&links, gravity_m_s2, Isometry3::identity())
-}
-
-/// Adds a point mass to a link: parallel axes about the common centre.
-fn add_point_mass(link: &mut Link, mass_kg: f64, centre_m: Vector3<f64>) {
-    let total_kg = link.mass_kg + mass_kg;
-    if total_kg <= 0.0 {
-        // left to the chain's own check, which names the link
-        link.mass_kg = total_kg;
-        return;
-    }
-    let apart_m = centre_m - link.centre_of_mass_m;
-    let reduced_kg = link.mass_kg * mass_kg / total_kg;
-    link.inertia_kg_m2 +=
-        reduced_kg * (Matrix3::identity() * apart_m.norm_squared() - apart_m * apart_m.transpose());
-    link.centre_of_mass_m += apart_m * (mass_kg / total_kg);
-    link.mass_kg = total_kg;
 }
 
 /// Adds inertia about the joint's axis as a massless thin ring around it, the one body that adds least elsewhere.

@@ -65,6 +65,7 @@ pub(super) fn assemble(
         period_s,
         substeps,
         sample,
+        disturbances: Vec::new(),
     };
     plant.latch();
     Ok(plant)

@@ -1,0 +1,161 @@
+//! A joint's explanation: effects are added one at a time while they are worth it, and taken back if they no longer are.
+
+use joint_model::filter::FilterError;
+
+use crate::evidence::{Probability, Standings, standings};
+use crate::judge::Squares;
+use crate::search::{Model, Refined, Round, Search, Term};
+
+/// The most effects of one joint.
+pub const EFFECTS_MAX: usize = 3;
+/// Effects that are fitted by simulation, not only by their linear response, before one is chosen.
+const REFITTED: usize = 4;
+/// Nats within which another effect is refitted too.
+const NEAR_NATS: f64 = 30.0;
+/// Nats that a second or third effect must be worth.
+const FURTHER_NATS: f64 = 6.0;
+
+/// What explains a joint's residual.
+#[derive(Clone, Debug)]
+pub struct Explanation {
+    /// The final model.
+    pub refined: Refined,
+    /// The robot file's model with known values refitted, without effects.
+    pub without: Refined,
+    /// Each step's candidates: those of the first, then those beside the effects before.
+    pub rounds: Vec<Step>,
+}
+
+/// One step of the search.
+#[derive(Clone, Debug)]
+pub struct Step {
+    /// Everything that was tried.
+    pub round: Round,
+    /// What it was worth.
+    pub standings: Standings,
+    /// As probabilities, most probable first.
+    pub probabilities: Vec<Probability>,
+    /// Effect that was added.
+    pub added: Option<&'static str>,
+    /// The leading effects, fitted by simulation, best first.
+    refitted: Vec<Refitted>,
+}
+
+/// An effect fitted by simulation.
+#[derive(Clone, Debug)]
+struct Refitted {
+    effect: &'static str,
+    nats: f64,
+    refined: Refined,
+}
+
+impl Explanation {
+    /// Whether the data has a gap at all.
+    pub fn has_gap(&self) -> bool {
+        self.rounds
+            .first()
+            .is_some_and(|step| step.probabilities[0].effect != "none")
+    }
+}
+
+/// Explains a joint's residual, beside effects that are already settled.
+///
+/// # Errors
+/// [`FilterError`].
+pub fn explain(search: &Search<'_>, settled: &[Term]) -> Result<Explanation, FilterError> {
+    let start = Model {
+        known: vec![0.0; search.twin.known.len()],
+        terms: settled.to_vec(),
+    };
+    let round = search.first(&start)?;
+    let without = search.refine(&round, &start)?;
+    let mut step = Step::new(search, round, &without)?;
+    if !is_beyond_noise(search, &start)? {
+        step.refitted.clear();
+        step.standings.quiet();
+        step.probabilities = step.standings.probabilities(&step.round.ranking);
+    }
+    let mut refined = without.clone();
+    let mut rounds = Vec::new();
+    loop {
+        let room = refined.model.terms.len() < settled.len() + EFFECTS_MAX;
+        let worth = if rounds.is_empty() { 0.0 } else { FURTHER_NATS };
+        let chosen =
+            step.refitted.first().cloned().filter(|best| {
+                room && best.nats >= worth && best.nats >= step.standings.unknown_nats
+            });
+        let Some(best) = chosen else {
+            rounds.push(step);
+            break;
+        };
+        step.added = Some(best.effect);
+        let next = search.next(&step.round, &best.refined.model)?;
+        let next = Step::new(search, next, &best.refined)?;
+        rounds.push(std::mem::replace(&mut step, next));
+        refined = best.refined;
+    }
+    Ok(Explanation {
+        refined,
+        without,
+        rounds,
+    })
+}
+
+/// Whether any channel shows more than noise and the twin's own errors.
+fn is_beyond_noise(search: &Search<'_>, model: &Model) -> Result<bool, FilterError> {
+    let residual_nm = search.residual_nm(model)?;
+    Ok(search.twin.channels.iter().any(|&channel| {
+        let square = Squares::of(search, &residual_nm, channel).mean();
+        square > search.twin_floor_nm(channel).powi(2)
+    }))
+}
+
+impl Step {
+    /// Refits the leading effects by simulation, and lets that decide among them.
+    fn new(search: &Search<'_>, round: Round, base: &Refined) -> Result<Self, FilterError> {
+        let mut standings = standings(&round.ranking);
+        let best_nats = standings.effects.first().map_or(0.0, |(_, nats)| *nats);
+        let mut refitted = Vec::new();
+        let leading: Vec<(usize, f64)> = standings
+            .effects
+            .iter()
+            .copied()
+            .take(REFITTED)
+            .filter(|(_, nats)| *nats > (best_nats - NEAR_NATS).max(-NEAR_NATS / 3.0))
+            .filter(|(index, _)| round.ranking.scored[*index].size_nm > 0.0)
+            .collect();
+        for (index, _) in leading {
+            let scored = &round.ranking.scored[index];
+            let mut model = round.model.clone();
+            model.terms.push(Term {
+                hypothesis: scored.hypothesis.clone(),
+                amplitudes: scored.amplitudes.clone(),
+            });
+            let refined = search.refine(&round, &model)?;
+            let objective = search.objective(&refined.model, &refined.residual_nm);
+            // a joint that runs away in simulation explains nothing
+            if objective.is_finite() {
+                refitted.push((index, objective, refined));
+            }
+        }
+        let left: Vec<(usize, f64)> = refitted.iter().map(|(i, o, _)| (*i, *o)).collect();
+        let base = search.objective(&base.model, &base.residual_nm);
+        standings.refit(&round.ranking, base, &left);
+        let mut refitted: Vec<Refitted> = refitted
+            .into_iter()
+            .map(|(index, _, refined)| Refitted {
+                effect: round.ranking.scored[index].hypothesis.effect,
+                nats: standings.nats_of(index),
+                refined,
+            })
+            .collect();
+        refitted.sort_by(|a, b| b.nats.total_cmp(&a.nats));
+        Ok(Self {
+            probabilities: standings.probabilities(&round.ranking),
+            standings,
+            round,
+            refitted,
+            added: None,
+        })
+    }
+}

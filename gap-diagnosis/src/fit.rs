@@ -1,0 +1,451 @@
+//! Least squares on blocks of time, for any choice among many columns: sums of products are made once, every fit and
+//! every held-out error comes from them.
+
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::twin::Row;
+
+/// Blocks of held-out data.
+pub const BLOCKS: usize = 10;
+/// Rows this near to a held-out block are not learnt from.
+const GUARD_S: f64 = 0.5;
+/// Sweeps of the descent by coordinates.
+const SWEEPS: usize = 400;
+/// A sweep that moves no coefficient further, in units of its own, is the last.
+const STEP_MIN: f64 = 1e-9;
+
+/// Limits and prior of a column's coefficient.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bound {
+    /// Smallest and largest.
+    pub range: [f64; 2],
+    /// Inverse variance of a normal prior about zero; zero for none.
+    pub precision: f64,
+}
+
+impl Bound {
+    /// No prior and no limits.
+    pub const FREE: Self = Self {
+        range: [f64::NEG_INFINITY, f64::INFINITY],
+        precision: 0.0,
+    };
+    /// At least zero.
+    pub const POSITIVE: Self = Self {
+        range: [0.0, f64::INFINITY],
+        precision: 0.0,
+    };
+}
+
+/// Sums of products of the columns and the target, over some rows.
+#[derive(Clone, Debug)]
+struct Products {
+    columns: DMatrix<f64>,
+    target: DVector<f64>,
+    /// Precision times mean of each column's prior.
+    pull: DVector<f64>,
+    square: f64,
+    rows: usize,
+}
+
+/// A regression whose rows lie in blocks of time.
+#[derive(Clone, Debug)]
+pub struct Blocks {
+    all: Products,
+    /// Of each block alone.
+    held_out: Vec<Products>,
+    /// Of all but each block and its neighbourhood.
+    learnt: Vec<Products>,
+    bounds: Vec<Bound>,
+}
+
+/// Coefficients of a choice of columns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit {
+    /// In the order of the choice.
+    pub coefficients: Vec<f64>,
+    /// Sum of squares that remains.
+    pub square: f64,
+}
+
+/// How a choice of columns predicts the blocks it was not fitted to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HeldOut {
+    /// Sum of squared errors in each block.
+    pub square: Vec<f64>,
+}
+
+impl HeldOut {
+    /// Over all blocks.
+    pub fn total(&self) -> f64 {
+        self.square.iter().sum()
+    }
+}
+
+/// Which block of time each row is in: all recordings laid end to end and cut in equal parts.
+pub fn block_of(rows: &[Row]) -> Vec<usize> {
+    let times = laid_end_to_end(rows);
+    let end_s = times.iter().copied().fold(0.0, f64::max).max(1e-9);
+    times
+        .iter()
+        .map(|time_s| ((time_s / end_s * BLOCKS as f64) as usize).min(BLOCKS - 1))
+        .collect()
+}
+
+fn laid_end_to_end(rows: &[Row]) -> Vec<f64> {
+    let stretches = rows.iter().map(|row| row.stretch + 1).max().unwrap_or(0);
+    let span = |stretch: usize| -> (f64, f64) {
+        rows.iter()
+            .filter(|row| row.stretch == stretch)
+            .fold((f64::INFINITY, 0.0), |(from, to), row| {
+                (from.min(row.time_s), row.time_s.max(to))
+            })
+    };
+    let mut offset_s = 0.0;
+    let offsets: Vec<f64> = (0..stretches)
+        .map(|stretch| {
+            let (from_s, to_s) = span(stretch);
+            let offset = offset_s - from_s;
+            offset_s += (to_s - from_s).max(0.0);
+            offset
+        })
+        .collect();
+    rows.iter()
+        .map(|row| row.time_s + offsets[row.stretch])
+        .collect()
+}
+
+impl Products {
+    fn zero(columns: usize) -> Self {
+        Self {
+            columns: DMatrix::zeros(columns, columns),
+            target: DVector::zeros(columns),
+            pull: DVector::zeros(columns),
+            square: 0.0,
+            rows: 0,
+        }
+    }
+
+    fn of(x: &DMatrix<f64>, y: &DVector<f64>, rows: &[usize]) -> Self {
+        let x = x.select_rows(rows);
+        let y = y.select_rows(rows);
+        Self {
+            columns: x.tr_mul(&x),
+            target: x.tr_mul(&y),
+            pull: DVector::zeros(x.ncols()),
+            square: y.norm_squared(),
+            rows: rows.len(),
+        }
+    }
+
+    fn add(&mut self, other: &Self, factor: f64) {
+        self.columns += factor * &other.columns;
+        self.target += factor * &other.target;
+        self.square += factor * other.square;
+        self.rows = if factor > 0.0 {
+            self.rows + other.rows
+        } else {
+            self.rows - other.rows
+        };
+    }
+
+    /// Sum of squares that these coefficients leave.
+    fn left(&self, chosen: &[usize], coefficients: &[f64]) -> f64 {
+        let mut sum = self.square;
+        for (a, &i) in coefficients.iter().zip(chosen) {
+            sum -= 2.0 * a * self.target[i];
+            for (b, &j) in coefficients.iter().zip(chosen) {
+                sum += a * b * self.columns[(i, j)];
+            }
+        }
+        sum.max(0.0)
+    }
+
+    /// Coefficients within their bounds that leave least, by descent along one coordinate after the other.
+    fn solve(&self, chosen: &[usize], bounds: &[Bound]) -> Vec<f64> {
+        let mut value = self.unbounded(chosen, bounds);
+        let inside = chosen
+            .iter()
+            .zip(&value)
+            .all(|(&i, x)| (bounds[i].range[0]..=bounds[i].range[1]).contains(x));
+        if inside {
+            return value;
+        }
+        for (x, &i) in value.iter_mut().zip(chosen) {
+            *x = x.clamp(bounds[i].range[0], bounds[i].range[1]);
+        }
+        for _ in 0..SWEEPS {
+            let mut moved = 0.0_f64;
+            for (a, &i) in chosen.iter().enumerate() {
+                let diagonal = self.columns[(i, i)] + bounds[i].precision;
+                if diagonal <= 0.0 {
+                    continue;
+                }
+                let others: f64 = chosen
+                    .iter()
+                    .enumerate()
+                    .filter(|(b, _)| *b != a)
+                    .map(|(b, &j)| self.columns[(i, j)] * value[b])
+                    .sum();
+                let [low, high] = bounds[i].range;
+                let next = ((self.target[i] + self.pull[i] - others) / diagonal).clamp(low, high);
+                moved = moved.max((next - value[a]).abs() * diagonal.sqrt());
+                value[a] = next;
+            }
+            if moved < STEP_MIN * self.square.sqrt().max(1.0) {
+                break;
+            }
+        }
+        value
+    }
+
+    fn unbounded(&self, chosen: &[usize], bounds: &[Bound]) -> Vec<f64> {
+        let count = chosen.len();
+        let mut matrix =
+            DMatrix::from_fn(count, count, |a, b| self.columns[(chosen[a], chosen[b])]);
+        let target = DVector::from_fn(count, |a, _| self.target[chosen[a]] + self.pull[chosen[a]]);
+        for (a, &i) in chosen.iter().enumerate() {
+            // a hair of its own size keeps two equal columns apart
+            let own = matrix[(a, a)];
+            matrix[(a, a)] += bounds[i].precision + 1e-9 * own + 1e-12;
+        }
+        match matrix.cholesky() {
+            Some(cholesky) => cholesky.solve(&target).iter().copied().collect(),
+            None => vec![0.0; count],
+        }
+    }
+}
+
+impl Blocks {
+    /// From whitened columns and target.
+    pub fn new(columns: &[Vec<f64>], target: &[f64], bounds: Vec<Bound>, rows: &[Row]) -> Self {
+        let x = DMatrix::from_fn(target.len(), columns.len(), |row, column| {
+            columns[column][row]
+        });
+        let y = DVector::from_column_slice(target);
+        let blocks = block_of(rows);
+        let times_s = laid_end_to_end(rows);
+        let span: Vec<Range<f64>> = (0..BLOCKS)
+            .map(|block| {
+                let inside = || (0..rows.len()).filter(|k| blocks[*k] == block);
+                let from = inside().map(|k| times_s[k]).fold(f64::INFINITY, f64::min);
+                let to = inside().map(|k| times_s[k]).fold(0.0, f64::max);
+                from - GUARD_S..to + GUARD_S
+            })
+            .collect();
+        let select = |keep: &dyn Fn(usize) -> bool| -> Vec<usize> {
+            (0..rows.len()).filter(|k| keep(*k)).collect()
+        };
+        let held_out: Vec<Products> = (0..BLOCKS)
+            .map(|block| Products::of(&x, &y, &select(&|k| blocks[k] == block)))
+            .collect();
+        let mut all = Products::zero(columns.len());
+        for products in &held_out {
+            all.add(products, 1.0);
+        }
+        let learnt = (0..BLOCKS)
+            .map(|block| {
+                let near = select(&|k| blocks[k] != block && span[block].contains(&times_s[k]));
+                let mut learnt = all.clone();
+                learnt.add(&held_out[block], -1.0);
+                learnt.add(&Products::of(&x, &y, &near), -1.0);
+                learnt
+            })
+            .collect();
+        Self {
+            all,
+            held_out,
+            learnt,
+            bounds,
+        }
+    }
+
+    /// Priors about other values than zero.
+    #[must_use]
+    pub fn with_prior_means(mut self, means: &[f64]) -> Self {
+        let pulled = DVector::from_fn(means.len(), |i, _| self.bounds[i].precision * means[i]);
+        for products in self.learnt.iter_mut().chain([&mut self.all]) {
+            products.pull += &pulled;
+        }
+        self
+    }
+
+    /// How many rows.
+    pub fn rows(&self) -> usize {
+        self.all.rows
+    }
+
+    /// Fits a choice of columns to all rows.
+    pub fn fit(&self, chosen: &[usize]) -> Fit {
+        let coefficients = self.all.solve(chosen, &self.bounds);
+        Fit {
+            square: self.all.left(chosen, &coefficients),
+            coefficients,
+        }
+    }
+
+    /// Fits a choice of columns to all rows but a block, for each block, and predicts that.
+    pub fn held_out(&self, chosen: &[usize]) -> HeldOut {
+        let square = self
+            .learnt
+            .iter()
+            .zip(&self.held_out)
+            .map(|(learnt, held_out)| {
+                let coefficients = learnt.solve(chosen, &self.bounds);
+                held_out.left(chosen, &coefficients)
+            })
+            .collect();
+        HeldOut { square }
+    }
+
+    /// Coefficients fitted to all rows but a block, for each block.
+    pub fn folds(&self, chosen: &[usize]) -> Vec<Vec<f64>> {
+        self.learnt
+            .iter()
+            .map(|learnt| learnt.solve(chosen, &self.bounds))
+            .collect()
+    }
+
+    /// Information about some columns' coefficients, with others refitted beside them: matrix and vector of the normal
+    /// equations after the others are eliminated.
+    pub fn information(&self, beside: &[usize], chosen: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
+        let products = &self.all.columns;
+        let between = DMatrix::from_fn(beside.len(), chosen.len(), |a, b| {
+            products[(beside[a], chosen[b])]
+        });
+        let own = DMatrix::from_fn(chosen.len(), chosen.len(), |a, b| {
+            products[(chosen[a], chosen[b])]
+        });
+        let target = DVector::from_fn(chosen.len(), |a, _| self.all.target[chosen[a]]);
+        let others = DMatrix::from_fn(beside.len(), beside.len(), |a, b| {
+            let prior = if a == b {
+                self.bounds[beside[a]].precision + 1e-9 * products[(beside[a], beside[a])]
+            } else {
+                0.0
+            };
+            products[(beside[a], beside[b])] + prior
+        });
+        let others_target = DVector::from_fn(beside.len(), |a, _| {
+            self.all.target[beside[a]] + self.all.pull[beside[a]]
+        });
+        let Some(others) = others.cholesky() else {
+            return (own, target);
+        };
+        let through = others.solve(&between);
+        (
+            own - between.transpose() * &through,
+            target - through.transpose() * others_target,
+        )
+    }
+
+    /// How far one choice of columns is from being imitated by another: the least of `‖Σ a·x − Σ b·z‖²` over the
+    /// coefficients `b` of `others`, with `a` given.
+    pub fn distance(&self, chosen: &[usize], coefficients: &[f64], others: &[usize]) -> f64 {
+        let mut imitated = self.all.clone();
+        imitated.target = DVector::from_fn(self.bounds.len(), |i, _| {
+            let products = chosen.iter().zip(coefficients);
+            products.map(|(&j, a)| a * self.all.columns[(i, j)]).sum()
+        });
+        imitated.square = chosen
+            .iter()
+            .zip(coefficients)
+            .map(|(&j, a)| a * imitated.target[j])
+            .sum();
+        let found = imitated.solve(others, &self.bounds);
+        imitated.left(others, &found)
+    }
+
+    /// Covariance of a fit's coefficients from the scatter between blocks (Liang and Zeger's sandwich, by blocks).
+    pub fn covariance(&self, chosen: &[usize], fit: &Fit) -> DMatrix<f64> {
+        let count = chosen.len();
+        let information = DMatrix::from_fn(count, count, |a, b| {
+            let own = if a == b {
+                self.bounds[chosen[a]].precision + 1e-9 * self.all.columns[(chosen[a], chosen[a])]
+            } else {
+                0.0
+            };
+            self.all.columns[(chosen[a], chosen[b])] + own
+        });
+        let Some(inverse) = information.cholesky().map(|cholesky| cholesky.inverse()) else {
+            return DMatrix::from_diagonal_element(count, count, f64::INFINITY);
+        };
+        let mut scatter = DMatrix::zeros(count, count);
+        for block in &self.held_out {
+            let score = DVector::from_fn(count, |a, _| {
+                let fitted: f64 = chosen
+                    .iter()
+                    .zip(&fit.coefficients)
+                    .map(|(&j, x)| block.columns[(chosen[a], j)] * x)
+                    .sum();
+                block.target[chosen[a]] - fitted
+            });
+            scatter += &score * score.transpose();
+        }
+        let between = &inverse * scatter * &inverse;
+        // never surer than independent samples of the remaining size would make it
+        let freedom = self.all.rows.saturating_sub(count).max(1) as f64;
+        let within = inverse * (fit.square / freedom);
+        DMatrix::from_fn(count, count, |a, b| {
+            if a == b {
+                between[(a, a)].max(within[(a, a)])
+            } else {
+                between[(a, b)]
+            }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::observe::Channel;
+
+    fn rows(count: usize) -> Vec<Row> {
+        (0..count)
+            .map(|k| Row {
+                stretch: 0,
+                channel: Channel::Motor,
+                time_s: k as f64 * 0.1,
+                position_rad: 0.0,
+                velocity_rad_s: 0.0,
+                load_nm: 0.0,
+                motor_angle_rad: 0.0,
+                inertial_nm: 0.0,
+            })
+            .collect()
+    }
+
+    fn blocks(bounds: Vec<Bound>) -> Blocks {
+        let a: Vec<f64> = (0..200).map(|k| (0.3 * f64::from(k)).sin()).collect();
+        let b: Vec<f64> = (0..200).map(|k| (0.17 * f64::from(k)).cos()).collect();
+        let y: Vec<f64> = a.iter().zip(&b).map(|(a, b)| 2.0 * a - 3.0 * b).collect();
+        Blocks::new(&[a, b], &y, bounds, &rows(200))
+    }
+
+    #[test]
+    fn the_coefficients_are_found_and_predict_held_out_blocks() {
+        let blocks = blocks(vec![Bound::FREE; 2]);
+        let fit = blocks.fit(&[1, 0]);
+        assert!((fit.coefficients[0] + 3.0).abs() < 1e-6);
+        assert!((fit.coefficients[1] - 2.0).abs() < 1e-6);
+        assert!(blocks.held_out(&[0, 1]).total() < 1e-6);
+        assert!(blocks.held_out(&[0]).total() > 100.0);
+    }
+
+    #[test]
+    fn bounds_hold_and_the_rest_makes_the_best_of_it() {
+        let blocks = blocks(vec![Bound::FREE, Bound::POSITIVE]);
+        let fit = blocks.fit(&[0, 1]);
+        assert_eq!(fit.coefficients[1], 0.0);
+        let alone = blocks.fit(&[0]);
+        assert!((fit.coefficients[0] - alone.coefficients[0]).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_column_is_imitated_by_itself_and_not_by_another() {
+        let blocks = blocks(vec![Bound::FREE; 2]);
+        assert!(blocks.distance(&[0], &[2.0], &[0]) < 1e-6);
+        assert!(blocks.distance(&[0], &[2.0], &[1]) > 300.0);
+    }
+}

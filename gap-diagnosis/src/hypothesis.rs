@@ -1,0 +1,633 @@
+//! Every effect of the table as something that can be fitted: amplitudes that enter linearly, and a shape that does not.
+//!
+//! An amplitude of 1 is a step small enough for the response to be straight and large enough to be seen over rounding;
+//! a zero amplitude is no effect at all.
+
+use arrayvec::ArrayVec;
+use joint_model::friction::Sliding;
+use robot::{Effect, EncoderSide};
+
+use crate::joint::JointModel;
+use crate::stretch::JointStretch;
+
+/// Friction steps: a part of the joint's own.
+const FRICTION_STEP: f64 = 0.02;
+/// Softening steps: a part of the compliance.
+const COMPLIANCE_STEP: f64 = 0.05;
+/// Twist of a gear under its friction, for steps of lost motion and kinematic error.
+const TWIST_STEP: f64 = 0.1;
+const GAIN_STEP: f64 = 0.01;
+const PAYLOAD_STEP_KG: f64 = 0.1;
+const PAYLOAD_STEP_M: f64 = 0.1;
+const TILT_STEP_RAD: f64 = 0.005;
+const OFFSET_STEP_RAD: f64 = 0.002;
+const LAG_STEP_S: f64 = 5e-4;
+
+/// Sizes of a joint, by which steps are chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    /// Dry friction in slow motion, or a part of the torque where the file knows none.
+    pub friction_nm: f64,
+    /// Fastest speed but for a few samples.
+    pub speed_rad_s: f64,
+    /// Motor turns per joint turn.
+    pub gear_ratio: f64,
+    /// Of the gear.
+    pub stiffness_nm_rad: f64,
+    /// Whether the robot file tells it.
+    pub stiffness_is_known: bool,
+    /// Largest torque but for a few samples, motor side.
+    pub motor_torque_nm: f64,
+    /// Rotor and link, joint side.
+    pub inertia_kg_m2: f64,
+    /// Between two samples.
+    pub period_s: f64,
+    /// Range of the motor's angle.
+    pub motor_turns: f64,
+}
+
+impl Scale {
+    /// Of a joint along its recordings.
+    pub fn of(model: &JointModel, stretches: &[&JointStretch]) -> Self {
+        let all = |column: fn(&JointStretch) -> &[f64]| {
+            let mut values: Vec<f64> = stretches
+                .iter()
+                .flat_map(|stretch| column(stretch).iter().map(|x| x.abs()))
+                .collect();
+            values.sort_by(f64::total_cmp);
+            values
+        };
+        let high = |values: &[f64]| values[(0.99 * (values.len() - 1) as f64) as usize];
+        let torque_nm = high(&all(|stretch| &stretch.torque_nm));
+        let speed_rad_s = high(&all(|stretch| &stretch.load.velocity_rad_s)).max(1e-3);
+        let inertia = all(|stretch| &stretch.load.inertia_kg_m2);
+        let told_nm = model.friction.level_nm(&Sliding::at(0.2 * speed_rad_s));
+        Self {
+            friction_nm: told_nm.max(0.05 * torque_nm).max(1e-6),
+            speed_rad_s,
+            gear_ratio: model.gear_ratio,
+            stiffness_nm_rad: model.stiffness_nm_rad,
+            stiffness_is_known: model.stiffness_is_known,
+            motor_torque_nm: torque_nm / model.gear_ratio,
+            inertia_kg_m2: model.rotor_inertia_kg_m2 + inertia[inertia.len() / 2],
+            period_s: stretches[0].drive.period_s,
+            motor_turns: motor_turns(model.gear_ratio, stretches),
+        }
+    }
+
+    /// Twist of the gear under the joint's friction.
+    fn twist_rad(&self) -> f64 {
+        if self.stiffness_is_known {
+            self.friction_nm / self.stiffness_nm_rad
+        } else {
+            5e-4
+        }
+    }
+}
+
+fn motor_turns(gear_ratio: f64, stretches: &[&JointStretch]) -> f64 {
+    let positions = || {
+        stretches
+            .iter()
+            .flat_map(|stretch| &stretch.load.position_rad)
+    };
+    let high = positions().copied().fold(f64::NEG_INFINITY, f64::max);
+    let low = positions().copied().fold(f64::INFINITY, f64::min);
+    (gear_ratio * (high - low) / std::f64::consts::TAU).max(1e-3)
+}
+
+/// An effect to be fitted, at one shape.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hypothesis {
+    /// Identifier of the effect.
+    pub effect: &'static str,
+    form: Form,
+    /// Parameters that do not enter linearly, each above zero.
+    pub shape: ArrayVec<f64, 2>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Form {
+    Coulomb,
+    Viscous,
+    Quadratic,
+    Stribeck,
+    Asymmetric,
+    LoadDependent,
+    PeriodicFriction,
+    KinematicError,
+    Compliance,
+    Windup,
+    Hysteresis,
+    StructuralDamping,
+    Backlash,
+    ConstantDrift,
+    FirstOrderDrift,
+    Gain,
+    Offset,
+    Ripple,
+    Saturation,
+    Lag,
+    Payload,
+    LinkInertia,
+    RotorInertia,
+    Gravity,
+    Spring,
+    Tilt,
+    EncoderOffset,
+    MotorEccentricity,
+    LinkEccentricity,
+    CommandDelay,
+    SensorDelay,
+}
+
+/// Amplitudes of a hypothesis: at most those of a payload.
+pub type Amplitudes = ArrayVec<f64, 4>;
+
+/// What may be fitted to a joint, periodic effects aside: those come from [`periodic`] once their cycles are known.
+pub fn plain(
+    scale: &Scale,
+    has_link_encoder: bool,
+    has_command: bool,
+    timing_is_open: bool,
+) -> Vec<Hypothesis> {
+    let mut all = Vec::new();
+    let mut add = |effect, form, shape: &[f64]| all.push(Hypothesis::new(effect, form, shape));
+    add("coulomb_friction", Form::Coulomb, &[]);
+    add("viscous_friction", Form::Viscous, &[]);
+    add("quadratic_friction", Form::Quadratic, &[]);
+    for part in [0.02, 0.06, 0.18] {
+        add(
+            "stribeck_friction",
+            Form::Stribeck,
+            &[part * scale.speed_rad_s],
+        );
+    }
+    add("asymmetric_friction", Form::Asymmetric, &[]);
+    add("load_dependent_friction", Form::LoadDependent, &[]);
+    add("torsional_compliance", Form::Compliance, &[]);
+    for part in [0.3, 1.0] {
+        add("soft_windup", Form::Windup, &[part * scale.friction_nm]);
+    }
+    for part in [0.1, 0.5] {
+        add(
+            "torsional_hysteresis",
+            Form::Hysteresis,
+            &[part * scale.twist_rad()],
+        );
+    }
+    for exponent in [0.5, 1.0] {
+        add("structural_damping", Form::StructuralDamping, &[exponent]);
+    }
+    add("backlash", Form::Backlash, &[]);
+    add("thermal_friction_drift", Form::ConstantDrift, &[]);
+    add("thermal_friction_drift", Form::FirstOrderDrift, &[8.0]);
+    add("torque_constant_error", Form::Gain, &[]);
+    add("torque_offset", Form::Offset, &[]);
+    if has_command {
+        for part in [0.95, 0.85, 0.7, 0.5] {
+            add(
+                "torque_saturation",
+                Form::Saturation,
+                &[part * scale.motor_torque_nm],
+            );
+        }
+    }
+    if timing_is_open {
+        if has_command {
+            add("current_loop_lag", Form::Lag, &[]);
+            add("command_delay", Form::CommandDelay, &[]);
+        }
+        add("sensor_delay", Form::SensorDelay, &[]);
+    }
+    add("payload", Form::Payload, &[]);
+    add("link_inertia", Form::LinkInertia, &[]);
+    add("rotor_inertia", Form::RotorInertia, &[]);
+    add("gravity_torque", Form::Gravity, &[]);
+    add("joint_spring", Form::Spring, &[]);
+    add("base_tilt", Form::Tilt, &[]);
+    add("encoder_offset", Form::EncoderOffset, &[]);
+    if has_link_encoder {
+        for cycles in [1.0, 2.0] {
+            add("encoder_eccentricity", Form::LinkEccentricity, &[cycles]);
+        }
+    }
+    all
+}
+
+/// A lag of the current loop, and a delay of the command, as they were read off the samples.
+pub fn lag(time_constant_s: f64) -> (Hypothesis, f64) {
+    let hypothesis = Hypothesis::new("current_loop_lag", Form::Lag, &[]);
+    (hypothesis, time_constant_s / LAG_STEP_S)
+}
+
+/// See [`lag`].
+pub fn delay(delay_s: f64, scale: &Scale) -> (Hypothesis, f64) {
+    let hypothesis = Hypothesis::new("command_delay", Form::CommandDelay, &[]);
+    (hypothesis, delay_s / scale.period_s)
+}
+
+/// The effects that repeat with the motor's turn, at so many cycles a turn.
+pub fn periodic(cycles_per_motor_rev: f64) -> [Hypothesis; 4] {
+    [
+        ("position_dependent_friction", Form::PeriodicFriction),
+        ("kinematic_error", Form::KinematicError),
+        ("torque_ripple", Form::Ripple),
+        ("encoder_eccentricity", Form::MotorEccentricity),
+    ]
+    .map(|(effect, form)| Hypothesis::new(effect, form, &[cycles_per_motor_rev]))
+}
+
+impl Hypothesis {
+    fn new(effect: &'static str, form: Form, shape: &[f64]) -> Self {
+        Self {
+            effect,
+            form,
+            shape: shape.iter().copied().collect(),
+        }
+    }
+
+    /// The same effect at another shape.
+    #[must_use]
+    pub fn shaped(&self, shape: &[f64]) -> Self {
+        Self::new(self.effect, self.form, shape)
+    }
+
+    /// How many amplitudes there are.
+    pub fn amplitudes(&self) -> usize {
+        match self.form {
+            Form::Payload => 4,
+            Form::PeriodicFriction
+            | Form::KinematicError
+            | Form::Ripple
+            | Form::MotorEccentricity
+            | Form::LinkEccentricity
+            | Form::Gravity
+            | Form::Spring
+            | Form::Tilt => 2,
+            _ => 1,
+        }
+    }
+
+    /// Whether amplitudes below zero have no meaning.
+    pub fn is_positive(&self) -> bool {
+        matches!(
+            self.form,
+            Form::Windup
+                | Form::Hysteresis
+                | Form::StructuralDamping
+                | Form::Backlash
+                | Form::Saturation
+                | Form::Lag
+                | Form::CommandDelay
+                | Form::SensorDelay
+        )
+    }
+
+    /// Whether the effect is there or not, with its shape as its only parameter.
+    pub fn is_switch(&self) -> bool {
+        self.form == Form::Saturation
+    }
+
+    /// Whether the shape is found by fitting. A whole number of cycles is what a shaft does, and stays.
+    pub fn shape_is_free(&self) -> bool {
+        self.shape
+            .first()
+            .is_some_and(|shape| !self.is_periodic() || shape.fract() != 0.0)
+    }
+
+    /// Relative change of the shape by which its derivative is found.
+    pub fn shape_step(&self, scale: &Scale) -> f64 {
+        match self.shape.first() {
+            // a tenth of a cycle over the whole range
+            Some(cycles) if self.is_periodic() => 0.1 / (cycles * scale.motor_turns),
+            _ => 0.15,
+        }
+    }
+
+    /// Whether the effect repeats with an angle.
+    pub fn is_periodic(&self) -> bool {
+        matches!(
+            self.form,
+            Form::PeriodicFriction
+                | Form::KinematicError
+                | Form::Ripple
+                | Form::MotorEccentricity
+                | Form::LinkEccentricity
+        )
+    }
+
+    /// Between which the shape is sought.
+    pub fn shape_range(&self, scale: &Scale) -> [f64; 2] {
+        match self.form {
+            Form::Stribeck => [0.003 * scale.speed_rad_s, 0.5 * scale.speed_rad_s],
+            Form::Windup => [0.05 * scale.friction_nm, 5.0 * scale.friction_nm],
+            Form::Hysteresis => [0.01 * scale.twist_rad(), 3.0 * scale.twist_rad()],
+            Form::StructuralDamping => [0.2, 1.5],
+            Form::FirstOrderDrift => [1.0, 300.0],
+            Form::Saturation => [0.2 * scale.motor_torque_nm, 1.2 * scale.motor_torque_nm],
+            _ => self.shape.first().map_or([0.0, f64::INFINITY], |cycles| {
+                let slack = 1.0 / (cycles * scale.motor_turns);
+                [cycles * (1.0 - slack).max(0.5), cycles * (1.0 + slack)]
+            }),
+        }
+    }
+
+    /// The effect at these amplitudes, as a robot file would write it.
+    pub fn effect(&self, amplitude: &[f64], scale: &Scale) -> Effect {
+        let a = amplitude[0];
+        let step_nm = FRICTION_STEP * scale.friction_nm;
+        let shape = self.shape.first().copied().unwrap_or(0.0);
+        match self.form {
+            Form::Coulomb => Effect::CoulombFriction {
+                coulomb_nm: a * step_nm,
+            },
+            Form::Viscous => Effect::ViscousFriction {
+                viscous_nm_s_rad: a * step_nm / scale.speed_rad_s,
+            },
+            Form::Quadratic => Effect::QuadraticFriction {
+                quadratic_nm_s2_rad2: a * step_nm / scale.speed_rad_s.powi(2),
+            },
+            Form::Stribeck => Effect::StribeckFriction {
+                stribeck_nm: a * step_nm,
+                stribeck_velocity_rad_s: shape,
+            },
+            Form::Asymmetric => Effect::AsymmetricFriction {
+                asymmetry_nm: a * step_nm,
+            },
+            Form::LoadDependent => Effect::LoadDependentFriction {
+                load_coefficient: a * 0.01,
+            },
+            Form::ConstantDrift => Effect::ThermalFrictionDrift {
+                drift_nm_s: Some(a * 0.1 * step_nm),
+                time_constant_s: None,
+                change_nm: None,
+            },
+            Form::FirstOrderDrift => Effect::ThermalFrictionDrift {
+                drift_nm_s: None,
+                time_constant_s: Some(shape),
+                change_nm: Some(a * step_nm),
+            },
+            Form::Compliance => Effect::TorsionalCompliance {
+                stiffness_nm_rad: scale.softened(a),
+            },
+            Form::Windup => Effect::SoftWindup {
+                low_stiffness_nm_rad: scale.stiffness_nm_rad / (1.0 + 4.0 * COMPLIANCE_STEP * a),
+                knee_nm: shape,
+            },
+            Form::Hysteresis => Effect::TorsionalHysteresis {
+                width_nm: a * step_nm,
+                yield_rad: shape,
+            },
+            Form::StructuralDamping => Effect::StructuralDamping {
+                damping_nm_s_rad: a * step_nm / (0.01 * scale.speed_rad_s),
+                exponent: shape,
+            },
+            Form::Backlash => Effect::Backlash {
+                gap_rad: a * TWIST_STEP * scale.twist_rad(),
+            },
+            Form::Gain => Effect::TorqueConstantError {
+                gain: 1.0 + a * GAIN_STEP,
+            },
+            Form::Offset => Effect::TorqueOffset {
+                offset_nm: a * step_nm,
+            },
+            Form::Saturation => Effect::TorqueSaturation { limit_nm: shape },
+            Form::Lag => Effect::CurrentLoopLag {
+                time_constant_s: a * LAG_STEP_S,
+            },
+            Form::LinkInertia => Effect::LinkInertia {
+                inertia_kg_m2: a * 0.02 * scale.inertia_kg_m2,
+            },
+            Form::RotorInertia => Effect::RotorInertia {
+                inertia_kg_m2: a * 0.02 * scale.inertia_kg_m2 / scale.gear_ratio.powi(2),
+            },
+            Form::Gravity => Effect::GravityTorque {
+                sin_nm: a * step_nm,
+                cos_nm: amplitude[1] * step_nm,
+            },
+            Form::EncoderOffset => Effect::EncoderOffset {
+                offset_rad: a * OFFSET_STEP_RAD,
+            },
+            Form::CommandDelay => Effect::CommandDelay {
+                delay_s: a * scale.period_s,
+            },
+            Form::SensorDelay => Effect::SensorDelay {
+                delay_s: a * scale.period_s,
+            },
+            Form::Tilt => Effect::BaseTilt {
+                roll_rad: a * TILT_STEP_RAD,
+                pitch_rad: amplitude[1] * TILT_STEP_RAD,
+            },
+            Form::Spring => {
+                // stiffness and torque at zero enter linearly, the rest position does not
+                let stiffness_nm_rad = a * step_nm;
+                let rest_rad = if a == 0.0 { 0.0 } else { amplitude[1] / a };
+                Effect::JointSpring {
+                    stiffness_nm_rad,
+                    rest_rad,
+                }
+            }
+            Form::Payload => payload(amplitude),
+            Form::PeriodicFriction
+            | Form::KinematicError
+            | Form::Ripple
+            | Form::MotorEccentricity
+            | Form::LinkEccentricity => self.harmonic(amplitude, scale),
+        }
+    }
+
+    fn harmonic(&self, amplitude: &[f64], scale: &Scale) -> Effect {
+        let size = amplitude[0].hypot(amplitude[1]);
+        let phase_rad = amplitude[1].atan2(amplitude[0]);
+        let cycles = self.shape.first().copied().unwrap_or(1.0);
+        let step_nm = FRICTION_STEP * scale.friction_nm;
+        let step_rad = TWIST_STEP * scale.twist_rad();
+        match self.form {
+            Form::KinematicError => Effect::KinematicError {
+                amplitude_rad: size * step_rad,
+                cycles_per_motor_rev: cycles,
+                phase_rad,
+                amplitude_rad_2: 0.0,
+                cycles_per_motor_rev_2: 0.0,
+                phase_rad_2: 0.0,
+                amplitude_rad_3: 0.0,
+                cycles_per_motor_rev_3: 0.0,
+                phase_rad_3: 0.0,
+            },
+            Form::Ripple => Effect::TorqueRipple {
+                amplitude_nm: size * step_nm / scale.gear_ratio,
+                cycles_per_motor_rev: cycles,
+                phase_rad,
+            },
+            Form::MotorEccentricity => Effect::EncoderEccentricity {
+                amplitude_rad: size * step_rad * scale.gear_ratio,
+                cycles_per_rev: cycles,
+                phase_rad,
+                side: EncoderSide::Motor,
+            },
+            Form::LinkEccentricity => Effect::EncoderEccentricity {
+                amplitude_rad: size * step_rad,
+                cycles_per_rev: cycles,
+                phase_rad,
+                side: EncoderSide::Link,
+            },
+            _ => Effect::PositionDependentFriction {
+                amplitude_nm: size * step_nm,
+                cycles_per_motor_rev: cycles,
+                phase_rad,
+            },
+        }
+    }
+
+    /// The amplitudes by which column `index` is found: the response to the second less that to the first, where there
+    /// are two.
+    pub fn probes(&self, index: usize) -> (Amplitudes, Option<Amplitudes>) {
+        let at = |entries: &[(usize, f64)]| {
+            let mut amplitudes: Amplitudes = (0..self.amplitudes()).map(|_| 0.0).collect();
+            for (index, value) in entries {
+                amplitudes[*index] = *value;
+            }
+            amplitudes
+        };
+        match self.form {
+            // a centre of mass needs a mass
+            Form::Payload if index > 0 => (at(&[(0, 1.0), (index, 1.0)]), Some(at(&[(0, 1.0)]))),
+            // a spring's torque at zero needs a spring
+            Form::Spring if index > 0 => (at(&[(0, 1.0), (index, 1.0)]), Some(at(&[(0, 1.0)]))),
+            _ => (at(&[(index, 1.0)]), None),
+        }
+    }
+
+    /// The stage of the joint that the effect belongs to.
+    pub fn stage(&self) -> Stage {
+        Stage::of(self.effect)
+    }
+}
+
+impl Scale {
+    /// Change of stiffness by so many steps of compliance; the stiffness itself where the file tells none.
+    fn softened(&self, steps: f64) -> f64 {
+        if self.stiffness_is_known {
+            let compliance = (1.0 + COMPLIANCE_STEP * steps).max(0.05);
+            self.stiffness_nm_rad * (1.0 / compliance - 1.0)
+        } else {
+            let compliance_rad_nm = 1.0 / self.stiffness_nm_rad
+                + steps.max(0.0) * 0.1 * self.twist_rad() / self.friction_nm;
+            1.0 / compliance_rad_nm
+        }
+    }
+}
+
+fn payload(amplitude: &[f64]) -> Effect {
+    let mass = amplitude[0];
+    // a mass of nothing has its centre nowhere
+    let along = |moment: f64| {
+        if mass.abs() < 1e-6 {
+            0.0
+        } else {
+            (PAYLOAD_STEP_M * moment / mass).clamp(-2.0, 2.0)
+        }
+    };
+    Effect::Payload {
+        mass_kg: PAYLOAD_STEP_KG * mass,
+        centre_m: [
+            along(amplitude[1]),
+            along(amplitude[2]),
+            along(amplitude[3]),
+        ],
+    }
+}
+
+/// Where in a joint an effect acts.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum Stage {
+    /// Drive and motor.
+    Actuator,
+    /// Gear and bearings.
+    Transmission,
+    /// Links.
+    RigidBody,
+    /// Encoders and sensors.
+    Sensing,
+    /// Bus and clock.
+    Timing,
+}
+
+impl Stage {
+    /// By the effect's identifier.
+    pub fn of(effect: &str) -> Self {
+        match effect {
+            "torque_constant_error"
+            | "torque_offset"
+            | "torque_ripple"
+            | "torque_saturation"
+            | "current_loop_lag" => Self::Actuator,
+            "payload" | "link_inertia" | "rotor_inertia" | "gravity_torque" | "joint_spring"
+            | "base_tilt" => Self::RigidBody,
+            "encoder_offset"
+            | "encoder_eccentricity"
+            | "encoder_quantisation"
+            | "velocity_filter_lag" => Self::Sensing,
+            "command_delay" | "sensor_delay" | "dropped_commands" | "dropped_samples" => {
+                Self::Timing
+            }
+            _ => Self::Transmission,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scale() -> Scale {
+        Scale {
+            friction_nm: 5.0,
+            speed_rad_s: 1.0,
+            gear_ratio: 100.0,
+            stiffness_nm_rad: 1e4,
+            stiffness_is_known: true,
+            motor_torque_nm: 0.5,
+            inertia_kg_m2: 1.0,
+            period_s: 1e-3,
+            motor_turns: 20.0,
+        }
+    }
+
+    #[test]
+    fn every_effect_that_a_simulation_shows_has_a_hypothesis() {
+        // the others are seen in the samples themselves
+        let beside = [
+            "encoder_quantisation",
+            "velocity_filter_lag",
+            "dropped_commands",
+            "dropped_samples",
+        ];
+        let mut names: Vec<&str> = plain(&scale(), true, true, true)
+            .iter()
+            .chain(&periodic(2.0))
+            .map(|hypothesis| hypothesis.effect)
+            .chain(beside)
+            .collect();
+        names.sort_unstable();
+        names.dedup();
+        let mut all = Effect::names().to_vec();
+        all.sort_unstable();
+        assert_eq!(names, all);
+    }
+
+    #[test]
+    fn effects_carry_the_name_of_their_hypothesis() {
+        for hypothesis in plain(&scale(), true, true, true)
+            .iter()
+            .chain(&periodic(2.0))
+        {
+            let ones = vec![1.0; hypothesis.amplitudes()];
+            assert_eq!(hypothesis.effect(&ones, &scale()).name(), hypothesis.effect);
+        }
+    }
+}

@@ -1,0 +1,299 @@
+//! What the robot file already knows and may be a little wrong about, and what no file speaks of but every joint has:
+//! refitted within its tolerance before anything is called a gap.
+
+use joint_model::friction::{LoadTorqueRow, Sliding, StribeckFriction, StribeckRow};
+use joint_model::rigid_body::Chain;
+use robot::{Robot, Tolerance};
+
+use crate::joint::JointModel;
+use crate::load::{LoadChange, Motion};
+
+/// Links whose mass moves the joint's torque less than this part of the heaviest one's do not count.
+const LINK_PART_MIN: f64 = 0.05;
+/// Change of mass by which a link's share of the load is found.
+const MASS_STEP: f64 = 0.1;
+/// Standard deviation of the lag of a current loop that no file speaks of.
+const LAG_S: f64 = 2e-4;
+/// How far the corners of a published table may be rounded off.
+const ROUNDING_NM: f64 = 1.0;
+/// In creeping motion friction is less than its law says: by about this part, below about this speed.
+const CREEP_PART: f64 = 0.15;
+const CREEP_RAD_S: f64 = 0.015;
+/// Natural logarithm of the factor by which a presliding length may be off.
+const PRESLIDING_LN: f64 = 1.0;
+
+/// A value of the robot file, or a property of every joint.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Known {
+    /// Friction at rest, viscous slope, rise and its velocity, of the curve of one direction.
+    Curve(usize, CurveValue),
+    /// Slopes of the load torque of one direction.
+    LoadTorque(usize),
+    /// Friction over the motor angle.
+    Lookup,
+    /// Sum of the file's Coulomb friction.
+    Coulomb,
+    /// Sum of the file's viscous friction.
+    Viscous,
+    /// Sum of the file's quadratic friction.
+    Quadratic,
+    /// Sum of the file's asymmetry.
+    Asymmetric,
+    /// Sum of the file's friction under load.
+    LoadDependent,
+    /// A Stribeck term's height.
+    Stribeck(usize),
+    /// A Stribeck term's velocity.
+    StribeckVelocity(usize),
+    /// A harmonic of friction.
+    Periodic(usize),
+    /// Of the gear.
+    Stiffness,
+    /// Motor side.
+    RotorInertia,
+    /// A link's mass, with the inertia that goes with it.
+    Mass(usize),
+    /// How far friction bends before it slips.
+    Presliding,
+    /// Of the current loop.
+    Lag,
+    /// Corners of the load torque.
+    Rounding,
+    /// How much less friction there is in creeping motion, where bristles have not all bent: joint-side torque.
+    Creep,
+}
+
+/// A column of a friction curve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CurveValue {
+    /// Level at rest.
+    Rest,
+    /// Viscous slope.
+    Slope,
+    /// Rise from rest.
+    Rise,
+    /// Velocity of the rise.
+    Velocity,
+}
+
+/// Something known, with how well.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KnownValue {
+    /// What.
+    pub known: Known,
+    /// Standard deviation: relative for values of the file, else in the property's own unit.
+    pub deviation: f64,
+}
+
+impl KnownValue {
+    /// Whether it cannot be negative.
+    pub fn is_positive(&self) -> bool {
+        matches!(self.known, Known::Lag | Known::Rounding | Known::Creep)
+    }
+
+    /// Changes the model by so many standard deviations.
+    pub fn apply(&self, model: &mut JointModel, deviations: f64) {
+        let change = deviations * self.deviation;
+        let factor = 1.0 + change;
+        let friction = &mut model.friction;
+        match self.known {
+            Known::Curve(direction, value) => {
+                if let Some(curve) = &mut friction.curve {
+                    let row = if direction == 0 {
+                        &mut curve.positive
+                    } else {
+                        &mut curve.negative
+                    };
+                    *curve_value(row, value) *= factor;
+                }
+            }
+            Known::LoadTorque(direction) => {
+                if let Some(law) = &mut friction.load_torque {
+                    let row = if direction == 0 {
+                        &mut law.positive
+                    } else {
+                        &mut law.negative
+                    };
+                    scale_row(row, factor);
+                }
+            }
+            Known::Lookup => {
+                if let Some(lookup) = &mut friction.lookup {
+                    let scaled = |row: &[f64]| row.iter().map(|level| factor * level).collect();
+                    lookup.positive_nm = scaled(&lookup.positive_nm);
+                    lookup.negative_nm = scaled(&lookup.negative_nm);
+                }
+            }
+            Known::Coulomb => friction.coulomb.coulomb_nm *= factor,
+            Known::Viscous => friction.viscous.viscous_nm_s_rad *= factor,
+            Known::Quadratic => friction.quadratic.quadratic_nm_s2_rad2 *= factor,
+            Known::Asymmetric => friction.asymmetric.asymmetry_nm *= factor,
+            Known::LoadDependent => friction.load_dependent.load_coefficient *= factor,
+            Known::Stribeck(term) => friction.stribeck[term].stribeck_nm *= factor,
+            Known::StribeckVelocity(term) => {
+                friction.stribeck[term].stribeck_velocity_rad_s *= factor.max(0.1);
+            }
+            Known::Periodic(term) => friction.periodic[term].amplitude_nm *= factor,
+            Known::Stiffness => model.stiffness_nm_rad *= factor.max(0.1),
+            Known::RotorInertia => model.rotor_inertia_kg_m2 *= factor.max(0.1),
+            Known::Presliding => model.presliding_rad *= change.exp(),
+            Known::Lag => model.current_lag_s += change.max(0.0),
+            Known::Rounding => {
+                if let Some(law) = &mut friction.load_torque {
+                    law.knee_rounding_nm += change.max(0.0);
+                }
+            }
+            Known::Creep => {
+                // a joint that has no room for the term has eight of them already
+                let _ = friction.stribeck.try_push(StribeckFriction {
+                    stribeck_nm: -change.max(0.0),
+                    stribeck_velocity_rad_s: CREEP_RAD_S,
+                });
+            }
+            Known::Mass(_) => {}
+        }
+    }
+}
+
+fn curve_value(row: &mut StribeckRow, value: CurveValue) -> &mut f64 {
+    match value {
+        CurveValue::Rest => &mut row.f0_nm,
+        CurveValue::Slope => &mut row.fv_nm_s_rad,
+        CurveValue::Rise => &mut row.fs_nm,
+        CurveValue::Velocity => &mut row.vc_rad_s,
+    }
+}
+
+fn scale_row(row: &mut LoadTorqueRow, factor: f64) {
+    for slope in &mut row.slopes {
+        *slope *= factor;
+    }
+}
+
+/// What is known of a joint, without the links' masses.
+pub fn of_joint(model: &JointModel, tolerance: &Tolerance) -> Vec<KnownValue> {
+    let mut all = Vec::new();
+    let mut add = |known: Known, name: &str| {
+        let deviation = tolerance.of(name);
+        if deviation > 0.0 {
+            all.push(KnownValue { known, deviation });
+        }
+    };
+    let friction = &model.friction;
+    if friction.curve.is_some() {
+        for direction in 0..2 {
+            for value in [
+                CurveValue::Rest,
+                CurveValue::Slope,
+                CurveValue::Rise,
+                CurveValue::Velocity,
+            ] {
+                add(Known::Curve(direction, value), "direction_friction");
+            }
+        }
+    }
+    if friction.load_torque.is_some() {
+        add(Known::LoadTorque(0), "load_torque");
+        add(Known::LoadTorque(1), "load_torque");
+    }
+    if friction.lookup.is_some() {
+        add(Known::Lookup, "friction_table");
+    }
+    let terms = [
+        (friction.coulomb.coulomb_nm, Known::Coulomb, "coulomb_nm"),
+        (
+            friction.viscous.viscous_nm_s_rad,
+            Known::Viscous,
+            "viscous_nm_s_rad",
+        ),
+        (
+            friction.quadratic.quadratic_nm_s2_rad2,
+            Known::Quadratic,
+            "quadratic_nm_s2_rad2",
+        ),
+        (
+            friction.asymmetric.asymmetry_nm,
+            Known::Asymmetric,
+            "asymmetry_nm",
+        ),
+        (
+            friction.load_dependent.load_coefficient,
+            Known::LoadDependent,
+            "load_coefficient",
+        ),
+    ];
+    for (value, known, name) in terms {
+        if value != 0.0 {
+            add(known, name);
+        }
+    }
+    for term in 0..friction.stribeck.len() {
+        add(Known::Stribeck(term), "stribeck_nm");
+        add(Known::StribeckVelocity(term), "stribeck_velocity_rad_s");
+    }
+    for term in 0..friction.periodic.len() {
+        add(Known::Periodic(term), "amplitude_nm");
+    }
+    if model.stiffness_is_known {
+        add(Known::Stiffness, "stiffness_nm_rad");
+    }
+    add(Known::RotorInertia, "rotor_inertia_kg_m2");
+    let mut beside = |known: Known, deviation: f64| all.push(KnownValue { known, deviation });
+    beside(Known::Presliding, PRESLIDING_LN);
+    beside(Known::Lag, LAG_S);
+    let friction_nm = friction.level_nm(&Sliding::at(CREEP_RAD_S));
+    if friction_nm > 0.0 {
+        beside(Known::Creep, CREEP_PART * friction_nm);
+    }
+    if friction.load_torque.is_some() {
+        beside(Known::Rounding, ROUNDING_NM);
+    }
+    all
+}
+
+/// The links whose mass matters to a joint along the motions, each with how the load changes by a standard deviation.
+pub fn masses(
+    robot: &Robot,
+    joint: usize,
+    motions: &[&Motion],
+) -> Vec<(KnownValue, Vec<LoadChange>)> {
+    let deviation = robot.tolerance.of("mass_kg");
+    if deviation <= 0.0 {
+        return Vec::new();
+    }
+    let loads: Vec<_> = motions
+        .iter()
+        .map(|motion| motion.load(&robot.chain, joint))
+        .collect();
+    let mut found = Vec::new();
+    for index in joint..robot.joints.len() {
+        let mut links = robot.chain.links().to_vec();
+        links[index].mass_kg *= 1.0 + MASS_STEP;
+        links[index].inertia_kg_m2 *= 1.0 + MASS_STEP;
+        let tool = nalgebra::Isometry3::identity();
+        let Ok(heavier) = Chain::new(&links, robot.chain.gravity_m_s2(), tool) else {
+            continue;
+        };
+        let mut changes = Vec::with_capacity(loads.len());
+        for (motion, load) in motions.iter().zip(&loads) {
+            let change = LoadChange::between(load, &motion.load(&heavier, joint));
+            changes.push(change.times(deviation / MASS_STEP));
+        }
+        let known = KnownValue {
+            known: Known::Mass(index),
+            deviation,
+        };
+        found.push((known, changes));
+    }
+    let size = |changes: &[LoadChange]| {
+        changes
+            .iter()
+            .map(LoadChange::torque_rms_nm)
+            .fold(0.0, f64::max)
+    };
+    let largest = found.iter().map(|(_, c)| size(c)).fold(0.0, f64::max);
+    found.retain(|(known, changes)| {
+        known.known == Known::Mass(joint) || size(changes) > LINK_PART_MIN * largest
+    });
+    found
+}

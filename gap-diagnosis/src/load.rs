@@ -1,0 +1,184 @@
+//! What a joint carries along a recorded motion: inertia and torque of the rigid bodies, with all other joints moving as
+//! they were recorded.
+
+use joint_model::filter::FilterError;
+use joint_model::rigid_body::Chain;
+
+use crate::smooth::{derivative, low_pass, second_derivative};
+
+/// Motion above this is noise: no joint of an arm is moved faster on purpose.
+const MOTION_HZ: f64 = 30.0;
+/// Of the sample rate, where that is low.
+const MOTION_OF_RATE: f64 = 0.2;
+/// The load is computed about so many times a second and interpolated: poses change slowly.
+const LOAD_HZ: f64 = 200.0;
+/// Step of the gravity torque's slope.
+const SLOPE_RAD: f64 = 1e-4;
+
+/// The rigid bodies as one joint feels them, sample by sample.
+///
+/// Torque that moves the joint is `inertia·q̈ + torque + slope·(q - position)`, all at the link.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Load {
+    /// Joint angle of the recorded motion, smoothed.
+    pub position_rad: Vec<f64>,
+    /// Velocity of the recorded motion, smoothed.
+    pub velocity_rad_s: Vec<f64>,
+    /// Of everything beyond the joint, about its axis.
+    pub inertia_kg_m2: Vec<f64>,
+    /// At the recorded motion but without this joint's own acceleration: gravity, and what the other joints do.
+    pub torque_nm: Vec<f64>,
+    /// How that changes with this joint's angle.
+    pub slope_nm_rad: Vec<f64>,
+}
+
+impl Load {
+    /// Adds the difference of two loads, times a factor.
+    pub fn add(&mut self, change: &LoadChange, factor: f64) {
+        let add = |mine: &mut Vec<f64>, change: &[f64]| {
+            for (value, change) in mine.iter_mut().zip(change) {
+                *value += factor * change;
+            }
+        };
+        add(&mut self.inertia_kg_m2, &change.inertia_kg_m2);
+        add(&mut self.torque_nm, &change.torque_nm);
+        add(&mut self.slope_nm_rad, &change.slope_nm_rad);
+    }
+}
+
+/// How a load changes with one property of the rigid bodies.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LoadChange {
+    inertia_kg_m2: Vec<f64>,
+    torque_nm: Vec<f64>,
+    slope_nm_rad: Vec<f64>,
+}
+
+impl LoadChange {
+    /// From one load to another of the same motion.
+    pub fn between(from: &Load, to: &Load) -> Self {
+        let difference =
+            |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| b - a).collect() };
+        Self {
+            inertia_kg_m2: difference(&from.inertia_kg_m2, &to.inertia_kg_m2),
+            torque_nm: difference(&from.torque_nm, &to.torque_nm),
+            slope_nm_rad: difference(&from.slope_nm_rad, &to.slope_nm_rad),
+        }
+    }
+
+    /// Scaled.
+    #[must_use]
+    pub fn times(mut self, factor: f64) -> Self {
+        for column in [
+            &mut self.inertia_kg_m2,
+            &mut self.torque_nm,
+            &mut self.slope_nm_rad,
+        ] {
+            column.iter_mut().for_each(|value| *value *= factor);
+        }
+        self
+    }
+
+    /// Root mean square of the torque.
+    pub fn torque_rms_nm(&self) -> f64 {
+        let count = self.torque_nm.len().max(1) as f64;
+        (self.torque_nm.iter().map(|x| x * x).sum::<f64>() / count).sqrt()
+    }
+}
+
+/// The motion of the whole arm, smoothed.
+#[derive(Clone, Debug)]
+pub struct Motion {
+    rate_hz: f64,
+    position_rad: Vec<Vec<f64>>,
+    velocity_rad_s: Vec<Vec<f64>>,
+    acceleration_rad_s2: Vec<Vec<f64>>,
+}
+
+impl Motion {
+    /// From every joint's measured position, joint side.
+    ///
+    /// # Errors
+    /// [`FilterError`] if the rate is no rate.
+    pub fn of(position_rad: &[Vec<f64>], rate_hz: f64) -> Result<Self, FilterError> {
+        let period_s = 1.0 / rate_hz;
+        let cutoff_hz = MOTION_HZ.min(MOTION_OF_RATE * rate_hz);
+        let position_rad = position_rad
+            .iter()
+            .map(|joint| low_pass(joint, cutoff_hz, rate_hz))
+            .collect::<Result<Vec<_>, _>>()?;
+        let each = |make: fn(&[f64], f64) -> Vec<f64>| {
+            position_rad
+                .iter()
+                .map(|joint| make(joint, period_s))
+                .collect::<Vec<_>>()
+        };
+        Ok(Self {
+            rate_hz,
+            velocity_rad_s: each(derivative),
+            acceleration_rad_s2: each(second_derivative),
+            position_rad,
+        })
+    }
+
+    /// What one joint of a chain carries along this motion.
+    pub fn load(&self, chain: &Chain, joint: usize) -> Load {
+        let samples = self.position_rad[joint].len();
+        let count = self.position_rad.len();
+        let every = ((self.rate_hz / LOAD_HZ) as usize).max(1);
+        let knots: Vec<usize> = (0..samples)
+            .step_by(every)
+            .chain([samples.saturating_sub(1)])
+            .collect();
+        let at = |columns: &[Vec<f64>], k: usize| -> Vec<f64> {
+            columns.iter().map(|column| column[k]).collect()
+        };
+        let rest = vec![0.0; count];
+        let mut unit = vec![0.0; count];
+        unit[joint] = 1.0;
+        let mut out = vec![0.0; count];
+        let mut values = Vec::with_capacity(knots.len());
+        for &k in &knots {
+            let mut position_rad = at(&self.position_rad, k);
+            let velocity_rad_s = at(&self.velocity_rad_s, k);
+            let mut acceleration_rad_s2 = at(&self.acceleration_rad_s2, k);
+            acceleration_rad_s2[joint] = 0.0;
+            chain.inverse_dynamics(
+                &position_rad,
+                &velocity_rad_s,
+                &acceleration_rad_s2,
+                &mut out,
+            );
+            let torque_nm = out[joint];
+            chain.gravity_torque(&position_rad, &mut out);
+            let gravity_nm = out[joint];
+            chain.inverse_dynamics(&position_rad, &rest, &unit, &mut out);
+            let inertia_kg_m2 = out[joint] - gravity_nm;
+            position_rad[joint] += SLOPE_RAD;
+            chain.gravity_torque(&position_rad, &mut out);
+            let slope_nm_rad = (out[joint] - gravity_nm) / SLOPE_RAD;
+            values.push([torque_nm, inertia_kg_m2, slope_nm_rad]);
+        }
+        let column = |index: usize| interpolate(&knots, &values, index, samples);
+        Load {
+            position_rad: self.position_rad[joint].clone(),
+            velocity_rad_s: self.velocity_rad_s[joint].clone(),
+            torque_nm: column(0),
+            inertia_kg_m2: column(1),
+            slope_nm_rad: column(2),
+        }
+    }
+}
+
+fn interpolate(knots: &[usize], values: &[[f64; 3]], index: usize, samples: usize) -> Vec<f64> {
+    let mut column = Vec::with_capacity(samples);
+    for (pair, ends) in knots.windows(2).zip(values.windows(2)) {
+        let steps = pair[1] - pair[0];
+        for step in 0..steps {
+            let share = step as f64 / steps as f64;
+            column.push(ends[0][index] + share * (ends[1][index] - ends[0][index]));
+        }
+    }
+    column.extend(values.last().map(|last| last[index]));
+    column
+}

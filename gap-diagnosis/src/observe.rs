@@ -1,0 +1,201 @@
+//! What is compared: the same few torques, made from a recording and from its simulation by the same formulas.
+//!
+//! Every channel is a torque at the joint side, low-passed without delay and thinned to just above the band:
+//!
+//! - [`Channel::Motor`], the disturbance torque `τ - (J + M)·q̈ - s·(q - q₀)`: what is left of the drive's torque when
+//!   the rigid joint's is taken off (`J` rotor, `M` link inertia, `s` slope of gravity about the recorded angle `q₀`).
+//! - [`Channel::Drive`], `τ - u`: reported less commanded torque.
+//! - [`Channel::Torsion`], `k·(q_motor - q_link)` with the robot file's stiffness.
+//! - [`Channel::Link`], `τ_sensor - M·q̈ - s·(q - q₀)`: what the torque sensor has beyond the rigid link.
+//!
+//! Taken of a recording and of its simulation alike, their difference is the torque that one of them knows and the other
+//! does not, whatever the controller made of it.
+
+use joint_model::filter::FilterError;
+use serde::{Deserialize, Serialize};
+
+use crate::joint::JointModel;
+use crate::load::Load;
+use crate::simulate::Trace;
+use crate::smooth::{low_pass, second_derivative};
+use crate::stretch::JointStretch;
+
+/// Above this nothing is compared: friction, gravity and inertia of an arm lie below.
+const CUTOFF_HZ: f64 = 15.0;
+/// Of the sample rate, where that is low.
+const CUTOFF_OF_RATE: f64 = 0.2;
+/// Samples per second for each hertz of the band: above the two that a band needs, because the filter is no wall.
+const SAMPLES_PER_BAND: f64 = 3.0;
+
+/// A torque that is compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Channel {
+    /// Motor torque and motor encoder.
+    Motor,
+    /// Reported and commanded motor torque.
+    Drive,
+    /// Both encoders.
+    Torsion,
+    /// Torque sensor.
+    Link,
+}
+
+impl Channel {
+    /// The signal of a recording that shows it.
+    pub fn signal(self) -> &'static str {
+        match self {
+            Self::Motor => "motor_torque_nm",
+            Self::Drive => "command_torque_nm",
+            Self::Torsion => "link_position_rad",
+            Self::Link => "joint_torque_nm",
+        }
+    }
+}
+
+/// How signals become channels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Band {
+    /// Above this nothing is compared.
+    pub cutoff_hz: f64,
+    /// Of the signals.
+    pub rate_hz: f64,
+}
+
+/// Signals at a constant rate, joint side, measured or simulated.
+struct Seen<'a> {
+    motor_rad: &'a [f64],
+    link_rad: Option<&'a [f64]>,
+    torque_nm: &'a [f64],
+    command_nm: &'a [f64],
+    joint_torque_nm: Option<&'a [f64]>,
+}
+
+/// The channels a joint's recording has.
+pub fn channels(stretch: &JointStretch) -> Vec<Channel> {
+    let mut there = vec![Channel::Motor];
+    if stretch.has_torque_beside_command {
+        there.push(Channel::Drive);
+    }
+    if stretch.link_rad.is_some() {
+        there.push(Channel::Torsion);
+    }
+    if stretch.joint_torque_nm.is_some() {
+        there.push(Channel::Link);
+    }
+    there
+}
+
+impl Band {
+    /// For signals at a rate.
+    pub fn at(rate_hz: f64) -> Self {
+        Self {
+            cutoff_hz: CUTOFF_HZ.min(CUTOFF_OF_RATE * rate_hz),
+            rate_hz,
+        }
+    }
+
+    /// Every so many samples one is kept.
+    pub fn stride(&self) -> usize {
+        ((self.rate_hz / (SAMPLES_PER_BAND * self.cutoff_hz)) as usize).max(1)
+    }
+
+    /// Low-passed and thinned.
+    ///
+    /// # Errors
+    /// [`FilterError`] for a cut-off outside zero to half the rate.
+    pub fn thin(&self, values: &[f64]) -> Result<Vec<f64>, FilterError> {
+        let smooth = low_pass(values, self.cutoff_hz, self.rate_hz)?;
+        Ok(smooth.into_iter().step_by(self.stride()).collect())
+    }
+
+    /// The channels of a recording.
+    ///
+    /// # Errors
+    /// [`FilterError`] for a cut-off outside zero to half the rate.
+    pub fn measured(
+        &self,
+        nominal: &JointModel,
+        stretch: &JointStretch,
+        channels: &[Channel],
+    ) -> Result<Vec<Vec<f64>>, FilterError> {
+        let seen = Seen {
+            motor_rad: &stretch.drive.motor_rad,
+            link_rad: stretch.link_rad.as_deref(),
+            torque_nm: &stretch.torque_nm,
+            command_nm: &stretch.drive.command_nm,
+            joint_torque_nm: stretch.joint_torque_nm.as_deref(),
+        };
+        self.each(nominal, &stretch.load, &seen, channels)
+    }
+
+    /// The same channels of a simulation along that recording.
+    ///
+    /// # Errors
+    /// [`FilterError`] for a cut-off outside zero to half the rate.
+    pub fn simulated(
+        &self,
+        nominal: &JointModel,
+        stretch: &JointStretch,
+        trace: &Trace,
+        channels: &[Channel],
+    ) -> Result<Vec<Vec<f64>>, FilterError> {
+        let reports = stretch.has_torque_beside_command;
+        let seen = Seen {
+            motor_rad: &trace.motor_rad,
+            link_rad: Some(&trace.link_rad),
+            torque_nm: if reports {
+                &trace.torque_nm
+            } else {
+                &trace.command_nm
+            },
+            command_nm: &trace.command_nm,
+            joint_torque_nm: Some(&trace.joint_torque_nm),
+        };
+        self.each(nominal, &stretch.load, &seen, channels)
+    }
+
+    fn each(
+        &self,
+        nominal: &JointModel,
+        load: &Load,
+        seen: &Seen<'_>,
+        channels: &[Channel],
+    ) -> Result<Vec<Vec<f64>>, FilterError> {
+        let acceleration_rad_s2 = second_derivative(seen.motor_rad, 1.0 / self.rate_hz);
+        let count = seen.motor_rad.len();
+        let rigid_nm = |k: usize, inertia_kg_m2: f64| {
+            inertia_kg_m2 * acceleration_rad_s2[k]
+                + load.slope_nm_rad[k] * (seen.motor_rad[k] - load.position_rad[k])
+        };
+        channels
+            .iter()
+            .map(|channel| {
+                let raw_nm: Vec<f64> = match channel {
+                    Channel::Motor => (0..count)
+                        .map(|k| {
+                            let inertia = nominal.rotor_inertia_kg_m2 + load.inertia_kg_m2[k];
+                            seen.torque_nm[k] - rigid_nm(k, inertia)
+                        })
+                        .collect(),
+                    Channel::Drive => (0..count)
+                        .map(|k| seen.torque_nm[k] - seen.command_nm[k])
+                        .collect(),
+                    Channel::Torsion => {
+                        let link_rad = seen.link_rad.unwrap_or(seen.motor_rad);
+                        (0..count)
+                            .map(|k| nominal.stiffness_nm_rad * (seen.motor_rad[k] - link_rad[k]))
+                            .collect()
+                    }
+                    Channel::Link => {
+                        let sensed_nm = seen.joint_torque_nm.unwrap_or(seen.torque_nm);
+                        (0..count)
+                            .map(|k| sensed_nm[k] - rigid_nm(k, load.inertia_kg_m2[k]))
+                            .collect()
+                    }
+                };
+                self.thin(&raw_nm)
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,325 @@
+//! The gap report: where the simulation parts from the robot, which effect causes it, how far the gap shrinks once it is
+//! added. Field names are fixed; other tools read them.
+//!
+//! Shares are of the gap's energy above the noise floor. SI units, joint side unless a name says motor.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::hypothesis::Stage;
+
+/// The only version there is.
+pub const SCHEMA: u32 = 1;
+
+/// A whole report.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// [`SCHEMA`].
+    pub schema: u32,
+    /// Name of the robot file's robot.
+    pub robot: String,
+    /// File names.
+    pub recordings: Vec<String>,
+    /// Rows of all recordings.
+    pub samples: usize,
+    /// Length of all recordings.
+    pub seconds: f64,
+    /// Of the first recording.
+    pub sample_rate_hz: f64,
+    /// How the twin was driven.
+    pub twin: TwinKind,
+    /// Wall-clock time of the diagnosis.
+    pub compute_seconds: f64,
+    /// Effects with one cause seen by several joints.
+    pub shared_effects: Vec<SharedEffect>,
+    /// In the robot file's order.
+    pub joints: Vec<JointReport>,
+    /// What was wrong or missing in the data, worst first, in sentences.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub data: Vec<DataFinding>,
+}
+
+/// How the twin was driven.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TwinKind {
+    /// By the robot file's controller.
+    ClosedLoop,
+    /// By gains of the diagnosis' own, which keep it on the recorded motion.
+    FollowsMotion,
+    /// By the recorded torque alone.
+    OpenLoop,
+}
+
+/// Something found in the data before anything was computed.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DataFinding {
+    /// The joint, unless it concerns all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joint: Option<String>,
+    /// `note`, `warning` or `error`.
+    pub severity: String,
+    /// What it is, with the number that decided it.
+    pub what: String,
+    /// What to change; empty where there is nothing to change.
+    pub remedy: String,
+}
+
+/// What is said of a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Nothing beyond noise and the tolerance of the robot file's own values.
+    NoGap,
+    /// The effects bring the gap to the noise floor.
+    Explained,
+    /// The effects shrink the gap, but structure remains.
+    PartlyExplained,
+    /// A gap, and no candidate accounts for it.
+    Unexplained,
+    /// Two or more explanations that this data cannot tell apart.
+    Ambiguous,
+    /// The data supports no statement; the reason says why.
+    InsufficientData,
+}
+
+/// A fitted parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Parameter {
+    /// The change against the robot file, except where the file has no such effect.
+    pub value: f64,
+    /// Standard error.
+    pub std: f64,
+    /// Whether the value ended at a limit of what was searched: a finding, not a value.
+    pub at_bound: bool,
+}
+
+/// An effect that is named.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NamedEffect {
+    /// Identifier.
+    pub effect: String,
+    /// Calibrated: of the statements made with 0.9, nine in ten are right.
+    pub probability: f64,
+    /// By the names of the effect's parameters.
+    pub parameters: BTreeMap<String, Parameter>,
+    /// Which encoder, where the effect has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub side: Option<String>,
+    /// Shrink with this effect only.
+    pub shrink_alone: f64,
+}
+
+/// An effect with one cause seen by several joints.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SharedEffect {
+    /// The effect.
+    #[serde(flatten)]
+    pub effect: NamedEffect,
+    /// Who sees it.
+    pub joints: Vec<String>,
+}
+
+/// An effect, `none` or `unknown`, with its probability.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Candidate {
+    /// Identifier, `none` or `unknown`.
+    pub effect: String,
+    /// All of a joint's sum to 1.
+    pub probability: f64,
+}
+
+/// Explanations that this data cannot tell apart.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Confusable {
+    /// Two identifiers.
+    pub effects: [String; 2],
+    /// `d²`: how far, in noise units, the one is from being imitated by the other; below 9 nobody can tell them apart.
+    pub distance: f64,
+    /// Why.
+    pub reason: String,
+}
+
+/// A signal's gap.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SignalGap {
+    /// Name of the recording's signal.
+    pub signal: String,
+    /// Root mean square of the gap over that of the noise floor.
+    pub gap_to_noise: f64,
+}
+
+/// A range of a variable in which a part of the gap lies.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Regime {
+    /// `position_rad`, `motor_velocity_rad_s`, `load_nm`, `motor_phase_rad` or `time_s`.
+    pub variable: String,
+    /// Lower end.
+    pub from: f64,
+    /// Upper end.
+    pub to: f64,
+    /// Of the gap's energy above the noise floor.
+    pub share: f64,
+}
+
+/// A band of frequencies in which a part of the gap lies.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BandShare {
+    /// Lower end.
+    pub from_hz: f64,
+    /// Upper end.
+    pub to_hz: f64,
+    /// Of the gap's energy above the noise floor.
+    pub share: f64,
+}
+
+/// Where a joint's gap lies.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Where {
+    /// The stage it comes from; none without a gap.
+    pub stage: Option<Stage>,
+    /// How probable each stage is.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub stages: BTreeMap<Stage, f64>,
+    /// Largest first.
+    pub signals: Vec<SignalGap>,
+    /// By variable, then by range.
+    pub regimes: Vec<Regime>,
+    /// By frequency.
+    pub bands: Vec<BandShare>,
+}
+
+/// A size before and after the effects are added, and what noise alone would leave.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BeforeAfter {
+    /// Of the robot file as it is.
+    pub before: f64,
+    /// With the effects.
+    pub after: f64,
+    /// Of noise and of the twin itself.
+    pub noise_floor: f64,
+    /// Whether it was judged on data that was not fitted to.
+    pub held_out: bool,
+}
+
+/// How far a joint's gap shrinks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Gap {
+    /// Root mean square of the disturbance torque that nobody explains.
+    pub torque_rms_nm: BeforeAfter,
+    /// Root mean square of the difference between recorded and re-simulated motor position, joint side.
+    pub position_rms_rad: BeforeAfter,
+    /// `1 - (V_after - V_noise)/(V_before - V_noise)`, V the mean square of the torque on held-out data.
+    pub shrink: f64,
+    /// Lower end of its 95 % interval.
+    pub shrink_low: f64,
+    /// Upper end of its 95 % interval.
+    pub shrink_high: f64,
+}
+
+/// What is left once the effects are added.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Remaining {
+    /// Nothing that a model could use.
+    White,
+    /// Something that depends on motion, load or time.
+    Structured,
+}
+
+/// One joint.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JointReport {
+    /// Name in the robot file.
+    pub joint: String,
+    /// In a word.
+    pub verdict: Verdict,
+    /// In a sentence, with the numbers that decided.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub reason: String,
+    /// What is named, most important first.
+    pub effects: Vec<NamedEffect>,
+    /// All that was tried, with `none` and `unknown`; most probable first.
+    pub candidates: Vec<Candidate>,
+    /// Nearest first.
+    pub confusable: Vec<Confusable>,
+    /// Where it lies.
+    #[serde(rename = "where")]
+    pub place: Where,
+    /// How far it shrinks.
+    pub gap: Gap,
+    /// What is left.
+    pub remaining: Remaining,
+}
+
+/// Why a report cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// Not a report.
+    #[error("this is no gap report: {0}")]
+    Json(#[from] serde_json::Error),
+    /// From another version.
+    #[error("the report has schema {found}; this program reads schema {SCHEMA}")]
+    Schema {
+        /// Its schema.
+        found: u32,
+    },
+    /// A number that cannot be.
+    #[error("joint `{joint}`: {what} is {value}, which it cannot be")]
+    Value {
+        /// Where.
+        joint: String,
+        /// What.
+        what: String,
+        /// The number.
+        value: f64,
+    },
+}
+
+impl Report {
+    /// Reads a report that somebody else may have written.
+    ///
+    /// # Errors
+    /// [`ReportError`].
+    pub fn from_json(text: &str) -> Result<Self, ReportError> {
+        let report: Self = serde_json::from_str(text)?;
+        if report.schema != SCHEMA {
+            return Err(ReportError::Schema {
+                found: report.schema,
+            });
+        }
+        for joint in &report.joints {
+            joint.check()?;
+        }
+        Ok(report)
+    }
+}
+
+impl JointReport {
+    fn check(&self) -> Result<(), ReportError> {
+        let wrong = |what: String, value: f64| ReportError::Value {
+            joint: self.joint.clone(),
+            what,
+            value,
+        };
+        let named = self.effects.iter().map(|e| (&e.effect, e.probability));
+        let tried = self.candidates.iter().map(|c| (&c.effect, c.probability));
+        for (effect, probability) in named.chain(tried) {
+            if !(0.0..=1.0).contains(&probability) {
+                return Err(wrong(format!("the probability of {effect}"), probability));
+            }
+        }
+        for effect in &self.effects {
+            for (name, parameter) in &effect.parameters {
+                if !parameter.value.is_finite() {
+                    return Err(wrong(
+                        format!("{name} of {}", effect.effect),
+                        parameter.value,
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+}

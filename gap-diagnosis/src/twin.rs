@@ -1,0 +1,369 @@
+//! One joint's twin along all its recordings: what the channels would show if the joint were as told.
+
+use std::borrow::Cow;
+
+use joint_model::filter::FilterError;
+use joint_model::rigid_body::Chain;
+use rand_core::{RngCore, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use robot::{Effect, Robot};
+
+use crate::control;
+use crate::joint::JointModel;
+use crate::known::{self, KnownValue};
+use crate::load::{Load, LoadChange};
+use crate::observe::{Band, Channel, channels};
+use crate::simulate::{Feedback, Noise, Trace, simulate};
+use crate::smooth::derivative;
+use crate::stretch::{JointStretch, Stretch};
+
+/// The beginning of a stretch does not count: nobody knows how far friction and gear were wound up.
+const START_S: f64 = 0.5;
+/// The end does not: the low-pass has nothing behind it.
+const END_S: f64 = 0.1;
+/// Half the time over which the low-pass spreads what happens in an instant.
+const AROUND_S: f64 = 0.06;
+
+/// One sample of one channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// Index of the stretch.
+    pub stretch: usize,
+    /// What is compared.
+    pub channel: Channel,
+    /// Since the recording began.
+    pub time_s: f64,
+    /// Joint side.
+    pub position_rad: f64,
+    /// Joint side.
+    pub velocity_rad_s: f64,
+    /// Torque of the rigid bodies.
+    pub load_nm: f64,
+    /// Motor side.
+    pub motor_angle_rad: f64,
+    /// Largest torque that accelerates rotor and link within what the low-pass sees.
+    pub inertial_nm: f64,
+}
+
+/// How a joint is said to differ from its robot file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Changes {
+    /// Of what is known, in standard deviations.
+    pub known: Vec<f64>,
+    /// Added.
+    pub effects: Vec<Effect>,
+}
+
+/// One joint along its recordings.
+pub struct JointTwin<'a> {
+    /// As the robot file has it.
+    pub nominal: JointModel,
+    /// What may be refitted.
+    pub known: Vec<KnownValue>,
+    /// What is compared.
+    pub channels: Vec<Channel>,
+    /// What each compared number belongs to.
+    pub rows: Vec<Row>,
+    robot: &'a Robot,
+    joint: usize,
+    pieces: Vec<Piece<'a>>,
+}
+
+struct Piece<'a> {
+    stretch: &'a Stretch,
+    joint: &'a JointStretch,
+    /// Keeps the simulation on the recorded motion.
+    tracking: Feedback,
+    /// The robot file's controller, or the same.
+    controller: Feedback,
+    band: Band,
+    masses: Vec<Option<LoadChange>>,
+    /// Of the thinned samples, those that count.
+    kept: Vec<usize>,
+}
+
+impl<'a> JointTwin<'a> {
+    /// For a joint of a robot; none where no recording tells its torque.
+    ///
+    /// # Errors
+    /// [`FilterError`] if the controller's filter cannot be designed at a recording's rate.
+    pub fn new(
+        robot: &'a Robot,
+        joint: usize,
+        stretches: &'a [Stretch],
+    ) -> Result<Option<Self>, FilterError> {
+        let nominal = JointModel::nominal(robot, joint);
+        let there: Vec<_> = stretches
+            .iter()
+            .filter_map(|stretch| Some((stretch, stretch.joints[joint].as_ref()?)))
+            .collect();
+        let Some((_, first)) = there.first() else {
+            return Ok(None);
+        };
+        // what one recording lacks cannot be compared in all
+        let channels: Vec<Channel> = channels(first)
+            .into_iter()
+            .filter(|channel| {
+                there
+                    .iter()
+                    .all(|(_, s)| self::channels(s).contains(channel))
+            })
+            .collect();
+        let motions: Vec<_> = there.iter().map(|(stretch, _)| &stretch.motion).collect();
+        let mut known = known::of_joint(&nominal, &robot.tolerance);
+        let masses = known::masses(robot, joint, &motions);
+        let beside = known.len();
+        known.extend(masses.iter().map(|(known, _)| known.clone()));
+        let mut pieces = Vec::with_capacity(there.len());
+        for (index, &(stretch, signals)) in there.iter().enumerate() {
+            let mut of_piece: Vec<Option<LoadChange>> = vec![None; beside];
+            of_piece.extend(
+                masses
+                    .iter()
+                    .map(|(_, changes)| Some(changes[index].clone())),
+            );
+            pieces.push(Piece::new(robot, joint, stretch, signals, of_piece)?);
+        }
+        let rows = rows(&pieces, &channels, &nominal);
+        Ok(Some(Self {
+            nominal,
+            known,
+            channels,
+            rows,
+            robot,
+            joint,
+            pieces,
+        }))
+    }
+
+    /// The recordings' signals.
+    pub fn stretches(&self) -> Vec<&JointStretch> {
+        self.pieces.iter().map(|piece| piece.joint).collect()
+    }
+
+    /// Above this nothing is compared.
+    pub fn cutoff_hz(&self) -> f64 {
+        self.pieces[0].band.cutoff_hz
+    }
+
+    /// Compared numbers a second in one channel.
+    pub fn rows_hz(&self) -> f64 {
+        let band = self.pieces[0].band;
+        band.rate_hz / band.stride() as f64
+    }
+
+    /// The channels as measured, row by row.
+    ///
+    /// # Errors
+    /// [`FilterError`].
+    pub fn measured(&self) -> Result<Vec<f64>, FilterError> {
+        let mut all = Vec::with_capacity(self.rows.len());
+        for piece in &self.pieces {
+            let columns = piece
+                .band
+                .measured(&self.nominal, piece.joint, &self.channels)?;
+            all.extend(piece.pick(&columns));
+        }
+        Ok(all)
+    }
+
+    /// The channels as they would be with these changes, row by row; with noise if a seed is given.
+    ///
+    /// # Errors
+    /// [`FilterError`].
+    pub fn simulated(&self, changes: &Changes, seed: Option<u64>) -> Result<Vec<f64>, FilterError> {
+        let mut all = Vec::with_capacity(self.rows.len());
+        for piece in 0..self.pieces.len() {
+            let tracking = &self.pieces[piece].tracking;
+            let trace = self.trace(piece, changes, tracking, seed);
+            let piece = &self.pieces[piece];
+            let columns =
+                piece
+                    .band
+                    .simulated(&self.nominal, piece.joint, &trace, &self.channels)?;
+            all.extend(piece.pick(&columns));
+        }
+        Ok(all)
+    }
+
+    /// Everything the sensors would show in one stretch under the robot file's controller.
+    pub fn controlled(&self, piece: usize, changes: &Changes) -> Trace {
+        self.trace(piece, changes, &self.pieces[piece].controller, None)
+    }
+
+    fn trace(
+        &self,
+        piece: usize,
+        changes: &Changes,
+        feedback: &Feedback,
+        seed: Option<u64>,
+    ) -> Trace {
+        let place = piece as u64;
+        let piece = &self.pieces[piece];
+        let mut model = self.nominal.clone();
+        for (known, deviations) in self.known.iter().zip(&changes.known) {
+            if *deviations != 0.0 {
+                known.apply(&mut model, *deviations);
+            }
+        }
+        for effect in &changes.effects {
+            model = model.with(effect);
+        }
+        let load = self.load(piece, changes);
+        let mut noise = seed.map(|seed| Sensors::new(seed, place));
+        let noise = noise.as_mut().map(|noise| noise as &mut dyn Noise);
+        simulate(&model, feedback, &piece.joint.drive, &load, noise)
+    }
+
+    fn load(&self, piece: &Piece<'a>, changes: &Changes) -> Cow<'a, Load> {
+        let mut load = Cow::Borrowed(&piece.joint.load);
+        if let Some(chain) = self.changed_chain(&changes.effects) {
+            load = Cow::Owned(piece.stretch.motion.load(&chain, self.joint));
+        }
+        for (change, deviations) in piece.masses.iter().zip(&changes.known) {
+            if let Some(change) = change.as_ref().filter(|_| *deviations != 0.0) {
+                load.to_mut().add(change, *deviations);
+            }
+        }
+        load
+    }
+
+    /// The arm with payload and tilt; none where there is neither, or no such arm.
+    fn changed_chain(&self, effects: &[Effect]) -> Option<Chain> {
+        if !effects.iter().any(Effect::is_whole_arm) {
+            return None;
+        }
+        let mut links = self.robot.chain.links().to_vec();
+        let mut gravity_m_s2 = self.robot.chain.gravity_m_s2();
+        for effect in effects {
+            match *effect {
+                Effect::Payload { mass_kg, centre_m } => {
+                    links.last_mut()?.add_point_mass(mass_kg, centre_m.into());
+                }
+                Effect::BaseTilt {
+                    roll_rad,
+                    pitch_rad,
+                } => {
+                    let tilt =
+                        nalgebra::UnitQuaternion::from_euler_angles(roll_rad, pitch_rad, 0.0);
+                    gravity_m_s2 = tilt.inverse() * gravity_m_s2;
+                }
+                _ => {}
+            }
+        }
+        Chain::new(&links, gravity_m_s2, nalgebra::Isometry3::identity()).ok()
+    }
+}
+
+impl<'a> Piece<'a> {
+    fn new(
+        robot: &Robot,
+        joint: usize,
+        stretch: &'a Stretch,
+        signals: &'a JointStretch,
+        masses: Vec<Option<LoadChange>>,
+    ) -> Result<Self, FilterError> {
+        let mut tracking = control::tracking(robot, joint, stretch.rate_hz);
+        if !signals.has_command {
+            // what the drive reports acts already
+            tracking.delay_samples = 0.0;
+        }
+        let told = control::told(robot, joint, stretch.rate_hz)?;
+        let mut controller = told.unwrap_or_else(|| tracking.clone());
+        controller.delay_samples = tracking.delay_samples;
+        let band = Band::at(stretch.rate_hz);
+        let stride = band.stride();
+        let samples = signals.samples();
+        let first = (START_S * stretch.rate_hz) as usize;
+        let end = samples.saturating_sub((END_S * stretch.rate_hz) as usize);
+        let kept = (0..samples.div_ceil(stride))
+            .filter(|row| {
+                let sample = row * stride;
+                let around = sample.saturating_sub(stride)..(sample + stride).min(samples);
+                (first..end).contains(&sample) && signals.is_whole[around].iter().all(|w| *w)
+            })
+            .collect();
+        Ok(Self {
+            stretch,
+            joint: signals,
+            tracking,
+            controller,
+            band,
+            masses,
+            kept,
+        })
+    }
+
+    /// Of every channel the rows that count, one channel after the other.
+    fn pick(&self, columns: &[Vec<f64>]) -> impl Iterator<Item = f64> {
+        columns
+            .iter()
+            .flat_map(|column| self.kept.iter().map(|row| column[*row]))
+    }
+}
+
+fn largest_around(values: &[f64], k: usize, around: usize) -> f64 {
+    values[k.saturating_sub(around)..(k + around + 1).min(values.len())]
+        .iter()
+        .map(|value| value.abs())
+        .fold(0.0, f64::max)
+}
+
+fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointModel) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for (stretch, piece) in pieces.iter().enumerate() {
+        let drive = &piece.joint.drive;
+        let load = &piece.joint.load;
+        let acceleration_rad_s2 = derivative(&load.velocity_rad_s, drive.period_s);
+        let around = (AROUND_S / drive.period_s) as usize;
+        for &channel in channels {
+            rows.extend(piece.kept.iter().map(|row| {
+                let k = row * piece.band.stride();
+                Row {
+                    stretch,
+                    channel,
+                    time_s: drive.start_s + k as f64 * drive.period_s,
+                    position_rad: load.position_rad[k],
+                    velocity_rad_s: load.velocity_rad_s[k],
+                    load_nm: load.torque_nm[k],
+                    motor_angle_rad: nominal.gear_ratio * load.position_rad[k],
+                    inertial_nm: (nominal.rotor_inertia_kg_m2 + load.inertia_kg_m2[k])
+                        * largest_around(&acceleration_rad_s2, k, around),
+                }
+            }));
+        }
+    }
+    rows
+}
+
+/// Seeded noise of the sensors.
+struct Sensors {
+    random: Pcg64Mcg,
+    spare: Option<f64>,
+}
+
+impl Sensors {
+    fn new(seed: u64, place: u64) -> Self {
+        Self {
+            random: Pcg64Mcg::seed_from_u64(seed ^ place.rotate_left(32)),
+            spare: None,
+        }
+    }
+}
+
+impl Noise for Sensors {
+    /// Box and Muller.
+    fn normal(&mut self) -> f64 {
+        if let Some(spare) = self.spare.take() {
+            return spare;
+        }
+        let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
+        let (sin, cos) = (std::f64::consts::TAU * self.uniform()).sin_cos();
+        self.spare = Some(radius * sin);
+        radius * cos
+    }
+
+    fn uniform(&mut self) -> f64 {
+        (self.random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}

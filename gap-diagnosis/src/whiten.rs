@@ -1,0 +1,200 @@
+//! Making residuals as good as independent: an autoregressive filter and a scale for each channel.
+//!
+//! What a residual holds whatever the model is noise, which differs from sample to sample, and what the twin itself is
+//! off, which lasts. Plain least squares believes such a sample several times over. The filter is made for the sum of
+//! both (Yule and Walker's equations, solved by Levinson and Durbin's recursion) and applied to measurement and
+//! regressors alike. It is never made from the residual: a filter that takes the gap for noise cannot see the gap.
+
+use std::ops::Range;
+
+use crate::twin::Row;
+
+/// Of the autoregressive filters.
+const ORDER: usize = 8;
+/// What a residual holds whatever the model: noise of the sensors, and what the twin itself is off.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Floor {
+    /// Standard deviation of what differs from sample to sample.
+    pub quick_nm: f64,
+    /// Standard deviation of what changes slowly.
+    pub slow_nm: f64,
+    /// Samples over which the slow part falls to 1/e.
+    pub slow_samples: f64,
+}
+
+impl Floor {
+    fn covariance(&self, lag: usize) -> f64 {
+        let slow = self.slow_nm.powi(2) * (-(lag as f64) / self.slow_samples.max(1e-9)).exp();
+        if lag == 0 {
+            self.quick_nm.powi(2) + slow
+        } else {
+            slow
+        }
+    }
+}
+
+/// Where one channel of one stretch lies in the rows.
+pub fn series(rows: &[Row]) -> Vec<Range<usize>> {
+    let mut found: Vec<Range<usize>> = Vec::new();
+    for (k, row) in rows.iter().enumerate() {
+        match found.last_mut() {
+            Some(last)
+                if rows[last.start].channel == row.channel
+                    && rows[last.start].stretch == row.stretch =>
+            {
+                last.end = k + 1;
+            }
+            _ => found.push(k..k + 1),
+        }
+    }
+    found
+}
+
+/// How much less a row near a reversal counts: by so many times the deviation elsewhere. Friction before it slips is
+/// what twin and robot share least.
+const REVERSAL: f64 = 15.0;
+/// How near, with the low-pass on top.
+const REVERSAL_S: f64 = 0.12;
+/// Of the torque that accelerates the joint, the twin is off by this part: sensors and twin are not at the same instant.
+const INERTIAL: f64 = 0.02;
+/// Slower than this part of the fastest is as good as standing.
+const STANDING: f64 = 0.01;
+
+/// Of each row, by how near its joint is to a reversal and how hard it accelerates: 1 in even motion.
+fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor) -> Vec<f64> {
+    let fastest = rows
+        .iter()
+        .map(|row| row.velocity_rad_s.abs())
+        .fold(0.0, f64::max);
+    let mut weights = vec![1.0; rows.len()];
+    for of in series {
+        let rows = &rows[of.clone()];
+        let turns: Vec<f64> = (1..rows.len())
+            .filter(|&k| {
+                let (a, b) = (rows[k - 1].velocity_rad_s, rows[k].velocity_rad_s);
+                a * b <= 0.0 || b.abs() < STANDING * fastest
+            })
+            .map(|k| rows[k].time_s)
+            .collect();
+        let Floor {
+            quick_nm, slow_nm, ..
+        } = floor(&rows[0]);
+        let deviation_nm = quick_nm.hypot(slow_nm).max(1e-12);
+        for (row, weight) in rows.iter().zip(&mut weights[of.clone()]) {
+            let after = turns.partition_point(|turn| *turn < row.time_s);
+            let nearest_s = [after.checked_sub(1), Some(after)]
+                .into_iter()
+                .flatten()
+                .filter_map(|k| turns.get(k))
+                .map(|turn| (turn - row.time_s).abs())
+                .fold(f64::INFINITY, f64::min);
+            let near = (-(nearest_s / REVERSAL_S).powi(2)).exp();
+            let hard = INERTIAL * row.inertial_nm / deviation_nm;
+            *weight = 1.0 / (1.0 + (REVERSAL * near).powi(2) + hard * hard).sqrt();
+        }
+    }
+    weights
+}
+
+/// How one channel is made independent and of unit variance.
+#[derive(Clone, Debug)]
+struct Filter {
+    coefficients: Vec<f64>,
+    scale_nm: f64,
+}
+
+/// Filters for all rows.
+#[derive(Clone, Debug)]
+pub struct Whitener {
+    series: Vec<Range<usize>>,
+    /// Of each series.
+    filters: Vec<Filter>,
+    /// Of each row.
+    weights: Vec<f64>,
+}
+
+impl Whitener {
+    /// One filter for each channel, the same in all stretches.
+    pub fn new(rows: &[Row], floor: impl Fn(&Row) -> Floor + Copy) -> Self {
+        let series = series(rows);
+        let filters = series
+            .iter()
+            .map(|of| Filter::of(floor(&rows[of.start])))
+            .collect();
+        Self {
+            weights: weights(rows, &series, floor),
+            series,
+            filters,
+        }
+    }
+
+    /// How much a row counts, 0 to 1, as a factor of its residual.
+    pub fn weight(&self, row: usize) -> f64 {
+        self.weights[row]
+    }
+
+    /// Filters, scales and weighs a column.
+    pub fn apply(&self, column_nm: &[f64]) -> Vec<f64> {
+        let mut white = vec![0.0; column_nm.len()];
+        for (of, filter) in self.series.iter().zip(&self.filters) {
+            for k in of.clone() {
+                let past: f64 = filter
+                    .coefficients
+                    .iter()
+                    .enumerate()
+                    .take(k - of.start)
+                    .map(|(lag, a)| a * column_nm[k - 1 - lag])
+                    .sum();
+                white[k] = self.weights[k] * (column_nm[k] - past) / filter.scale_nm;
+            }
+        }
+        white
+    }
+}
+
+impl Filter {
+    fn of(floor: Floor) -> Self {
+        let covariance: Vec<f64> = (0..=ORDER).map(|lag| floor.covariance(lag)).collect();
+        let (coefficients, variance) = levinson(&covariance);
+        Self {
+            coefficients,
+            scale_nm: variance.sqrt().max(1e-12),
+        }
+    }
+}
+
+/// Coefficients that predict a sample from those before it, newest first, and the variance they leave.
+fn levinson(covariance: &[f64]) -> (Vec<f64>, f64) {
+    let order = covariance.len().saturating_sub(1);
+    let mut coefficients = vec![0.0; order];
+    let mut error = covariance.first().copied().unwrap_or(0.0);
+    if error <= 0.0 {
+        return (coefficients, 0.0);
+    }
+    for k in 0..order {
+        let past: f64 = (0..k).map(|j| coefficients[j] * covariance[k - j]).sum();
+        let reflection = (covariance[k + 1] - past) / error;
+        let before = coefficients.clone();
+        coefficients[k] = reflection;
+        for j in 0..k {
+            coefficients[j] = before[j] - reflection * before[k - 1 - j];
+        }
+        error *= 1.0 - reflection * reflection;
+    }
+    (coefficients, error)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_first_order_process_is_found() {
+        // covariance of x[k] = 0.8·x[k-1] + e
+        let covariance: Vec<f64> = (0..4).map(|lag| 0.8_f64.powi(lag)).collect();
+        let (found, left) = levinson(&covariance);
+        assert!((left - 0.36).abs() < 1e-9, "{left}");
+        assert!((found[0] - 0.8).abs() < 1e-9, "{found:?}");
+        assert!(found[1].abs() < 1e-9 && found[2].abs() < 1e-9, "{found:?}");
+    }
+}

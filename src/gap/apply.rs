@@ -1,0 +1,344 @@
+//! `flexspline gap apply`: a robot file with the diagnosed effects in it, everything else as it was written.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+use gap_diagnosis::report::{NamedEffect, Report};
+use robot::{Effect, RobotFile, Source};
+use serde::Serialize;
+use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value};
+
+use crate::cli::GapApplyArguments;
+use crate::error::CliError;
+use crate::output::{print, write_json, write_text};
+
+/// A robot file's numbers carry no more digits than a fit is worth.
+const DIGITS: usize = 6;
+
+/// One change of the file, as it is told.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Change {
+    /// None for the whole arm.
+    joint: Option<String>,
+    effect: &'static str,
+    /// What was done, in words.
+    done: String,
+}
+
+/// For programs.
+#[derive(Serialize)]
+struct Applied<'a> {
+    schema: u32,
+    robot_file: &'a Path,
+    changes: &'a [Change],
+}
+
+/// Reads report and robot, writes the new file, tells what was changed.
+///
+/// # Errors
+/// [`CliError::Input`] for bad input, [`CliError::Negative`] if the report names no effect.
+pub fn apply(arguments: &GapApplyArguments) -> Result<(), CliError> {
+    let report = read_report(&arguments.report)?;
+    let (text, source) = robot::load_text(&arguments.robot).map_err(CliError::input)?;
+    let file = RobotFile::parse(&text, &arguments.robot).map_err(CliError::input)?;
+    if file.name != report.robot {
+        return Err(CliError::Input(format!(
+            "{}: is about robot `{}`, --robot {} is `{}`; give the robot file that was diagnosed",
+            arguments.report.display(),
+            report.robot,
+            arguments.robot,
+            file.name
+        )));
+    }
+    let (text, changes) = with_effects(&text, &report)
+        .map_err(|reason| CliError::Input(format!("{}: {reason}", arguments.report.display())))?;
+    if changes.is_empty() {
+        return Err(CliError::Negative(format!(
+            "{}: names no effect, so there is nothing to add",
+            arguments.report.display()
+        )));
+    }
+    let text = with_urdf(text, &source, &arguments.out)?;
+    check(&text, &arguments.out)?;
+    write_text(&arguments.out, &text)?;
+    tell(arguments, &changes)
+}
+
+/// Reads a report that somebody else may have written.
+///
+/// # Errors
+/// [`CliError::Input`] with file, field and value.
+pub fn read_report(path: &Path) -> Result<Report, CliError> {
+    let refuse = |reason: String| {
+        CliError::Input(format!(
+            "{}: {reason}; give a report.json of `gap diagnose`",
+            path.display()
+        ))
+    };
+    let text = fs::read_to_string(path).map_err(|error| refuse(error.to_string()))?;
+    Report::from_json(&text).map_err(|error| refuse(error.to_string()))
+}
+
+fn tell(arguments: &GapApplyArguments, changes: &[Change]) -> Result<(), CliError> {
+    if let Some(path) = &arguments.json {
+        let applied = Applied {
+            schema: 1,
+            robot_file: &arguments.out,
+            changes,
+        };
+        write_json(&applied, path)?;
+    }
+    if arguments.json.as_deref() == Some(Path::new("-")) {
+        return Ok(());
+    }
+    let mut text = String::new();
+    for change in changes {
+        let on = change.joint.as_deref().unwrap_or("arm");
+        let _ = writeln!(text, "{on}: {}: {}", change.effect, change.done);
+    }
+    let _ = writeln!(text, "robot file: {}", arguments.out.display());
+    print(&text)
+}
+
+/// What is written must be what every other command takes.
+fn check(text: &str, path: &Path) -> Result<(), CliError> {
+    RobotFile::parse(text, &path.display().to_string())
+        .and_then(|file| file.build(Source::File(path.to_owned())))
+        .map(|_| ())
+        .map_err(|error| {
+            CliError::Input(format!(
+                "the report's effects make a robot that nobody can have, so nothing was written: {error}"
+            ))
+        })
+}
+
+/// A URDF is named relative to its robot file; from another folder it needs its whole path.
+fn with_urdf(text: String, source: &Source, out: &Path) -> Result<String, CliError> {
+    let Source::File(from) = source else {
+        return Ok(text);
+    };
+    let folder = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
+    let mut document: DocumentMut = text.parse().map_err(CliError::input)?;
+    let Some(urdf) = document.get("urdf").and_then(Item::as_str) else {
+        return Ok(text);
+    };
+    if folder(from) == folder(out) {
+        return Ok(text);
+    }
+    let whole = fs::canonicalize(folder(from).join(urdf))
+        .map_err(|error| CliError::Input(format!("{}: urdf {urdf}: {error}", from.display())))?;
+    document["urdf"] = toml_edit::value(whole.display().to_string());
+    Ok(document.to_string())
+}
+
+/// The text of a robot file with a report's effects in it.
+fn with_effects(text: &str, report: &Report) -> Result<(String, Vec<Change>), String> {
+    let mut document: DocumentMut = text
+        .parse()
+        .map_err(|error| format!("robot file: {error}"))?;
+    let mut changes = Vec::new();
+    for shared in &report.shared_effects {
+        let effect = to_effect(&shared.effect)?;
+        if effect.may_be_shared() {
+            let done = add_to_list(document.as_table_mut(), "shared_effects", &effect)?;
+            changes.push(Change {
+                joint: None,
+                effect: effect.name(),
+                done,
+            });
+            continue;
+        }
+        for joint in &shared.joints {
+            changes.push(add_to_joint(&mut document, joint, &effect)?);
+        }
+    }
+    for joint in &report.joints {
+        for found in &joint.effects {
+            let effect = to_effect(found)?;
+            changes.push(add_to_joint(&mut document, &joint.joint, &effect)?);
+        }
+    }
+    Ok((document.to_string(), changes))
+}
+
+/// The effect with the values found. A point's coordinates are parameters of their own.
+fn to_effect(found: &NamedEffect) -> Result<Effect, String> {
+    let mut fields: BTreeMap<String, serde_json::Value> = BTreeMap::new();
+    fields.insert("effect".to_owned(), found.effect.clone().into());
+    for (name, parameter) in &found.parameters {
+        let value = serde_json::Value::from(rounded(parameter.value));
+        match name.rsplit_once('_') {
+            Some((point, axis @ ("x" | "y" | "z"))) => {
+                let point = fields
+                    .entry(point.to_owned())
+                    .or_insert_with(|| vec![0.0; 3].into());
+                point[usize::from(axis.as_bytes()[0] - b'x')] = value;
+            }
+            _ => {
+                fields.insert(name.clone(), value);
+            }
+        }
+    }
+    if let Some(side) = &found.side {
+        fields.insert("side".to_owned(), side.clone().into());
+    }
+    let fields = fields.into_iter().collect::<serde_json::Map<_, _>>();
+    serde_json::from_value(fields.into()).map_err(|error| format!("{}: {error}", found.effect))
+}
+
+fn rounded(value: f64) -> f64 {
+    format!("{value:.*e}", DIGITS - 1).parse().unwrap_or(value)
+}
+
+fn add_to_joint(
+    document: &mut DocumentMut,
+    joint: &str,
+    effect: &Effect,
+) -> Result<Change, String> {
+    let tables = document
+        .get_mut("joint")
+        .and_then(Item::as_array_of_tables_mut)
+        .ok_or("the robot file's joints are not [[joint]] tables; write them so")?;
+    let table = tables
+        .iter_mut()
+        .find(|table| table.get("name").and_then(Item::as_str) == Some(joint))
+        .ok_or_else(|| {
+            format!(
+                "joint `{joint}` is not in the robot file; give the robot file that was diagnosed"
+            )
+        })?;
+    let done = match effect {
+        // the file has a value of its own for it
+        Effect::RotorInertia { inertia_kg_m2 } => {
+            add_to_number(table, "rotor_inertia_kg_m2", *inertia_kg_m2)
+        }
+        _ => add_to_list(table, "effects", effect)?,
+    };
+    Ok(Change {
+        joint: Some(joint.to_owned()),
+        effect: effect.name(),
+        done,
+    })
+}
+
+fn add_to_number(table: &mut dyn TableLike, key: &str, change: f64) -> String {
+    let before = table.get(key).map_or(0.0, float);
+    let after = rounded(before + change);
+    match table.get_mut(key).and_then(Item::as_value_mut) {
+        Some(value) => {
+            let decor = value.decor().clone();
+            *value = after.into();
+            *value.decor_mut() = decor;
+        }
+        None => {
+            table.insert(key, toml_edit::value(after));
+        }
+    }
+    format!("{key} {before} -> {after}")
+}
+
+fn float(item: &Item) -> f64 {
+    let integer = || item.as_integer().map(|value| value as f64);
+    item.as_float().or_else(integer).unwrap_or(0.0)
+}
+
+/// Parameters that add up to those of an entry of the same kind; of all other effects a second entry stands for itself.
+fn additive(effect: &Effect) -> &'static [&'static str] {
+    match effect {
+        Effect::CoulombFriction { .. } => &["coulomb_nm"],
+        Effect::ViscousFriction { .. } => &["viscous_nm_s_rad"],
+        Effect::QuadraticFriction { .. } => &["quadratic_nm_s2_rad2"],
+        Effect::AsymmetricFriction { .. } => &["asymmetry_nm"],
+        Effect::LoadDependentFriction { .. } => &["load_coefficient"],
+        Effect::TorsionalCompliance { .. } => &["stiffness_nm_rad"],
+        Effect::Backlash { .. } => &["gap_rad"],
+        Effect::TorqueOffset { .. } => &["offset_nm"],
+        Effect::CurrentLoopLag { .. } => &["time_constant_s"],
+        Effect::LinkInertia { .. } => &["inertia_kg_m2"],
+        Effect::GravityTorque { .. } => &["sin_nm", "cos_nm"],
+        Effect::EncoderOffset { .. } => &["offset_rad"],
+        Effect::CommandDelay { .. } | Effect::SensorDelay { .. } => &["delay_s"],
+        _ => &[],
+    }
+}
+
+/// Adds to the entry of the same kind where the two add up, else a new entry, in the form the list has.
+fn add_to_list(table: &mut Table, key: &str, effect: &Effect) -> Result<String, String> {
+    let text = toml::to_string(effect).map_err(|error| error.to_string())?;
+    let entry: DocumentMut = text
+        .parse()
+        .map_err(|error| format!("{}: {error}", effect.name()))?;
+    let list = table
+        .entry(key)
+        .or_insert_with(|| toml_edit::value(Array::new()));
+    let same = |known: &&mut dyn TableLike| {
+        known.get("effect").and_then(Item::as_str) == Some(effect.name())
+    };
+    let keys = additive(effect);
+    if !keys.is_empty()
+        && let Some(known) = entries(list).into_iter().find(same)
+    {
+        let changes = keys.iter().map(|key| {
+            let change = entry.get(key).map_or(0.0, float);
+            add_to_number(known, key, change)
+        });
+        return Ok(changes.collect::<Vec<_>>().join(", "));
+    }
+    let told = text.trim().lines().skip(1).collect::<Vec<_>>().join(", ");
+    push(list, entry.as_table().clone())
+        .ok_or_else(|| format!("{key} of the robot file is no list; write it as one"))?;
+    Ok(format!("added, {told}"))
+}
+
+/// A list's entries, however they are written.
+fn entries(list: &mut Item) -> Vec<&mut dyn TableLike> {
+    match list {
+        Item::Value(Value::Array(array)) => array
+            .iter_mut()
+            .filter_map(Value::as_inline_table_mut)
+            .map(|entry| entry as &mut dyn TableLike)
+            .collect(),
+        Item::ArrayOfTables(tables) => tables
+            .iter_mut()
+            .map(|entry| entry as &mut dyn TableLike)
+            .collect(),
+        _ => Vec::new(),
+    }
+}
+
+fn push(list: &mut Item, entry: Table) -> Option<()> {
+    match list {
+        Item::Value(Value::Array(array)) => push_inline(array, entry.into_inline_table()),
+        Item::ArrayOfTables(tables) => push_table(tables, entry),
+        _ => return None,
+    }
+    Some(())
+}
+
+/// On a line of its own where the others have theirs.
+fn push_inline(array: &mut Array, mut entry: InlineTable) {
+    entry.fmt();
+    let before = array.iter().last().map(|last| last.decor().clone());
+    array.push(entry);
+    if let (Some(decor), Some(last)) = (before, array.iter_mut().last())
+        && let Some(prefix) = decor.prefix().and_then(|prefix| prefix.as_str())
+    {
+        // a comment behind the entry before it stays with that one
+        let own = prefix.rsplit('\n').next().unwrap_or_default();
+        let prefix = if prefix.contains('\n') {
+            format!("\n{own}")
+        } else {
+            " ".to_owned()
+        };
+        last.decor_mut().set_prefix(prefix);
+    }
+}
+
+fn push_table(tables: &mut ArrayOfTables, entry: Table) {
+    tables.push(entry);
+}
+
+#[cfg(test)]
+mod tests;

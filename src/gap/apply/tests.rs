@@ -1,0 +1,193 @@
+//! What is written loads again, says what the report says, and leaves everything else as it was.
+
+use gap_diagnosis::report::Report;
+use robot::{Effect, RobotFile, Source};
+use serde_json::{Value, json};
+
+use super::with_effects;
+
+const ROBOT: &str = r#"# a bench
+name = "bench"                     # its name
+
+[[link]]
+joint = "shoulder"
+axis = [0.0, 1.0, 0.0]
+mass_kg = 2.0
+centre_of_mass_m = [0.0, 0.0, 0.2]
+inertia_kg_m2 = { xx = 0.02, yy = 0.02, zz = 0.004 }
+
+[[joint]]
+name = "shoulder"
+gear_ratio = 100.0
+rotor_inertia_kg_m2 = 1.14e-5      # wave generator included
+torque_limit_nm = 0.5
+effects = [
+  { effect = "coulomb_friction", coulomb_nm = 2.0 },  # slow sliding
+  { effect = "torsional_compliance", stiffness_nm_rad = 8333.0 },
+]
+"#;
+
+fn report(effects: Value, shared: Value) -> Report {
+    serde_json::from_value(json!({
+        "schema": 1, "robot": "bench", "recordings": [], "samples": 1, "seconds": 1.0,
+        "sample_rate_hz": 1500.0, "twin": "closed_loop", "compute_seconds": 1.0,
+        "shared_effects": shared,
+        "joints": [{
+            "joint": "shoulder", "verdict": "explained", "effects": effects, "candidates": [],
+            "confusable": [], "where": { "stage": null, "signals": [], "regimes": [], "bands": [] },
+            "gap": {
+                "torque_rms_nm": { "before": 1.0, "after": 0.1, "noise_floor": 0.1, "held_out": true },
+                "position_rms_rad": { "before": 1.0, "after": 0.1, "noise_floor": 0.1, "held_out": true },
+                "shrink": 1.0, "shrink_low": 0.9, "shrink_high": 1.0
+            },
+            "remaining": "white"
+        }]
+    }))
+    .unwrap()
+}
+
+/// An effect as a report has it, from how a robot file has it.
+fn found(effect: &Effect) -> Value {
+    let Value::Object(fields) = serde_json::to_value(effect).unwrap() else {
+        panic!("an effect is an object");
+    };
+    let number = |value: f64| json!({ "value": value, "std": 0.1, "at_bound": false });
+    let mut parameters = serde_json::Map::new();
+    let mut side = Value::Null;
+    for (name, value) in fields {
+        match value {
+            Value::Array(point) => {
+                for (axis, value) in ["x", "y", "z"].iter().zip(point) {
+                    parameters.insert(format!("{name}_{axis}"), number(value.as_f64().unwrap()));
+                }
+            }
+            Value::Number(value) => {
+                parameters.insert(name, number(value.as_f64().unwrap()));
+            }
+            value if name == "side" => side = value,
+            _ => {}
+        }
+    }
+    let mut entry = json!({
+        "effect": effect.name(), "probability": 0.9, "parameters": parameters, "shrink_alone": 0.9
+    });
+    if !side.is_null() {
+        entry["side"] = side;
+    }
+    entry
+}
+
+fn built(text: &str) -> robot::Robot {
+    let file = RobotFile::parse(text, "new.toml").unwrap();
+    file.build(Source::File("new.toml".into())).unwrap()
+}
+
+#[test]
+fn a_change_is_added_to_the_entry_there_is_and_comments_stay() {
+    let change = found(&Effect::CoulombFriction { coulomb_nm: -0.31 });
+    let (text, changes) = with_effects(ROBOT, &report(json!([change]), json!([]))).unwrap();
+    assert_eq!(text, ROBOT.replace("coulomb_nm = 2.0", "coulomb_nm = 1.69"));
+    assert_eq!(changes[0].done, "coulomb_nm 2 -> 1.69");
+}
+
+#[test]
+fn rotor_inertia_is_the_file_s_own_value() {
+    let change = found(&Effect::RotorInertia {
+        inertia_kg_m2: 1e-6,
+    });
+    let (text, _) = with_effects(ROBOT, &report(json!([change]), json!([]))).unwrap();
+    assert_eq!(text, ROBOT.replace("1.14e-5 ", "0.0000124 "));
+}
+
+#[test]
+fn another_effect_gets_a_line_of_its_own() {
+    let new = found(&Effect::StribeckFriction {
+        stribeck_nm: 0.7,
+        stribeck_velocity_rad_s: 0.05,
+    });
+    let (text, changes) = with_effects(ROBOT, &report(json!([new]), json!([]))).unwrap();
+    let (before, after) = ROBOT.split_once("8333.0 },\n").unwrap();
+    assert!(text.starts_with(before) && text.ends_with(after), "{text}");
+    assert!(text.contains("# slow sliding"), "{text}");
+    assert!(changes[0].done.starts_with("added, "), "{changes:?}");
+    assert_eq!(built(&text).joints[0].effects.len(), 3);
+}
+
+#[test]
+fn a_shared_effect_is_the_whole_arm_s() {
+    let effect = Effect::Payload {
+        mass_kg: 1.5,
+        centre_m: [0.0, 0.1, 0.2],
+    };
+    let mut shared = found(&effect);
+    shared["joints"] = json!(["shoulder"]);
+    let (text, changes) = with_effects(ROBOT, &report(json!([]), json!([shared]))).unwrap();
+    assert_eq!(changes[0].joint, None);
+    assert_eq!(built(&text).shared_effects, [effect]);
+}
+
+#[test]
+fn lists_written_as_tables_take_one_more_and_a_joint_without_a_list_gets_one() {
+    let new = found(&Effect::TorqueOffset { offset_nm: 0.4 });
+    let (list, _) = ROBOT.split_once("effects = [").unwrap();
+    let tables =
+        format!("{list}[[joint.effects]]\neffect = \"coulomb_friction\"\ncoulomb_nm = 2.0\n");
+    for (text, effects) in [(tables.as_str(), 2), (list, 1)] {
+        let (text, _) = with_effects(text, &report(json!([new]), json!([]))).unwrap();
+        assert_eq!(built(&text).joints[0].effects.len(), effects, "{text}");
+    }
+}
+
+#[test]
+fn every_effect_of_the_list_comes_back_as_it_was() {
+    let sample = |name: &str| -> Effect {
+        let mut entry = serde_json::Map::new();
+        entry.insert("effect".to_owned(), name.into());
+        // parameters are learned from what is said to be missing
+        for _ in 0..12 {
+            match serde_json::from_value::<Effect>(entry.clone().into()) {
+                Ok(effect) => return effect,
+                Err(error) => {
+                    let error = error.to_string();
+                    let field = error.split('`').nth(1).unwrap().to_owned();
+                    let value = match field.as_str() {
+                        "centre_m" => json!([0.1, 0.2, 0.3]),
+                        "side" => json!("motor"),
+                        "fraction" | "exponent" => json!(0.5),
+                        _ => json!(0.25),
+                    };
+                    entry.insert(field, value);
+                }
+            }
+        }
+        panic!("{name}");
+    };
+    for name in Effect::names() {
+        let mut effect = sample(name);
+        if let Effect::ThermalFrictionDrift { drift_nm_s, .. } = &mut effect {
+            *drift_nm_s = Some(0.01);
+        }
+        let mut entry = found(&effect);
+        let (own, shared) = if effect.is_whole_arm() {
+            entry["joints"] = json!(["shoulder"]);
+            (json!([]), json!([entry]))
+        } else {
+            (json!([entry]), json!([]))
+        };
+        let (text, _) = with_effects(ROBOT, &report(own, shared)).unwrap();
+        let robot = built(&text);
+        let there =
+            robot.joints[0].effects.contains(&effect) || robot.shared_effects.contains(&effect);
+        let added = ["coulomb_friction", "torsional_compliance", "rotor_inertia"];
+        assert!(there || added.contains(name), "{name}: {text}");
+    }
+}
+
+#[test]
+fn a_joint_that_is_not_there_is_named() {
+    let change = found(&Effect::TorqueOffset { offset_nm: 1.0 });
+    let mut report = report(json!([change]), json!([]));
+    report.joints[0].joint = "elbow".to_owned();
+    let refused = with_effects(ROBOT, &report).unwrap_err();
+    assert!(refused.contains("`elbow`"), "{refused}");
+}

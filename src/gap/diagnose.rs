@@ -1,0 +1,113 @@
+//! `flexspline gap diagnose`: the report for programs, the page for people, and a summary.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+use comfy_table::{Table, presets};
+use gap_diagnosis::Diagnosis;
+use gap_diagnosis::report::{JointReport, Report};
+use indicatif::{ProgressBar, ProgressStyle};
+use recording::Recording;
+use report::number;
+
+use super::page;
+use super::page::words::{sentence, verdict_in_words};
+use crate::cli::GapDiagnoseArguments;
+use crate::error::CliError;
+use crate::output::{cannot_write, print, write_json, write_text};
+
+/// Reads, diagnoses, writes, prints.
+///
+/// # Errors
+/// [`CliError::Input`] for bad input: the file and what is wrong with it.
+pub fn diagnose(arguments: &GapDiagnoseArguments) -> Result<(), CliError> {
+    let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
+    let recordings = arguments
+        .recording
+        .iter()
+        .map(|path| read(path.as_path()))
+        .collect::<Result<Vec<_>, _>>()?;
+    let bar = progress_bar(robot.joints.len());
+    let diagnosed = gap_diagnosis::diagnose(&robot, &recordings, &|progress| {
+        bar.set_position(progress.done as u64);
+    });
+    bar.finish_and_clear();
+    let diagnosis: Diagnosis = diagnosed.map_err(CliError::input)?;
+    if let Some(folder) = &arguments.out {
+        fs::create_dir_all(folder).map_err(|error| cannot_write(folder, &error))?;
+        write_json(&diagnosis.report, &folder.join("report.json"))?;
+        let page = page::page(&robot, &diagnosis).to_html();
+        write_text(&folder.join("report.html"), &page)?;
+    }
+    if let Some(path) = &arguments.json {
+        write_json(&diagnosis.report, path)?;
+    }
+    if arguments.json.as_deref() == Some(Path::new("-")) {
+        return Ok(());
+    }
+    print(&summary(&diagnosis.report, arguments.out.as_deref()))
+}
+
+fn read(path: &Path) -> Result<(String, Recording), CliError> {
+    let recording = recording::read(path).map_err(CliError::input)?;
+    Ok((path.display().to_string(), recording))
+}
+
+fn summary(report: &Report, out: Option<&Path>) -> String {
+    let mut text = format!("{}\n", sentence(report));
+    let mut rows = Table::new();
+    rows.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_header([
+        "joint",
+        "verdict",
+        "effects",
+        "torque rms, Nm: before",
+        "after",
+        "noise floor",
+        "shrink",
+    ]);
+    for joint in &report.joints {
+        rows.add_row(row(joint));
+    }
+    let _ = writeln!(text, "{rows}");
+    for finding in &report.data {
+        let on = finding.joint.as_deref().unwrap_or("all joints");
+        let _ = writeln!(
+            text,
+            "{}: {on}: {} {}",
+            finding.severity, finding.what, finding.remedy
+        );
+    }
+    if let Some(folder) = out {
+        let _ = writeln!(text, "report: {}", folder.join("report.html").display());
+    }
+    text
+}
+
+fn row(joint: &JointReport) -> [String; 7] {
+    let effects: Vec<String> = joint
+        .effects
+        .iter()
+        .map(|found| format!("{} ({})", found.effect, number(found.probability, 2)))
+        .collect();
+    let torque = &joint.gap.torque_rms_nm;
+    [
+        joint.joint.clone(),
+        verdict_in_words(joint.verdict).to_owned(),
+        effects.join(", "),
+        number(torque.before, 3),
+        number(torque.after, 3),
+        number(torque.noise_floor, 3),
+        number(joint.gap.shrink, 3),
+    ]
+}
+
+/// In joints.
+fn progress_bar(joints: usize) -> ProgressBar {
+    let bar = ProgressBar::new(joints as u64);
+    let template = "{bar:32} {pos} of {len} joints, {eta} left";
+    bar.set_style(
+        ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()),
+    );
+    bar
+}

@@ -1,0 +1,21 @@
+//! `flexspline gap`: where simulation and robot part, why, and how far that can be mended.
+
+mod apply;
+mod blind;
+mod diagnose;
+mod page;
+
+use crate::cli::GapCommand;
+use crate::error::CliError;
+
+/// Does one of the parts.
+///
+/// # Errors
+/// [`CliError::Input`] for bad input, [`CliError::Negative`] where there is nothing to do.
+pub fn gap(command: &GapCommand) -> Result<(), CliError> {
+    match command {
+        GapCommand::Apply(arguments) => apply::apply(arguments),
+        GapCommand::Diagnose(arguments) => diagnose::diagnose(arguments),
+        GapCommand::Blind(command) => blind::blind(command),
+    }
+}

@@ -1,0 +1,82 @@
+//! The page says what the report says, needs no network, and stands with the least a report may hold.
+
+use gap_diagnosis::report::Report;
+use gap_diagnosis::{Diagnosis, JointTraces};
+use serde_json::json;
+
+use super::page;
+
+/// A report on the single test joint.
+fn report(verdict: &str) -> Report {
+    let effects = if verdict == "explained" {
+        json!([{ "effect": "coulomb_friction", "probability": 0.96, "shrink_alone": 0.9,
+                 "parameters": { "coulomb_nm": { "value": 0.8, "std": 0.05, "at_bound": false } } }])
+    } else {
+        json!([])
+    };
+    serde_json::from_value(json!({
+        "schema": 1, "robot": "shd17", "recordings": ["<run>.mcap"], "samples": 45000, "seconds": 30.0,
+        "sample_rate_hz": 1500.0, "twin": "closed_loop", "compute_seconds": 1.5, "shared_effects": [],
+        "joints": [{
+            "joint": "joint1", "verdict": verdict, "effects": effects,
+            "candidates": [{ "effect": "coulomb_friction", "probability": 0.96 },
+                           { "effect": "none", "probability": 0.04 }],
+            "confusable": [{ "effects": ["coulomb_friction", "viscous_friction"], "distance": 3.0, "reason": "one speed" }],
+            "where": { "stage": "transmission", "signals": [{ "signal": "motor_torque_nm", "gap_to_noise": 9.0 }],
+                       "regimes": [{ "variable": "time_s", "from": 0.0, "to": 15.0, "share": 0.7 },
+                                   { "variable": "time_s", "from": 15.0, "to": 30.0, "share": 0.3 }],
+                       "bands": [{ "from_hz": 0.0, "to_hz": 4.0, "share": 1.0 }] },
+            "gap": { "torque_rms_nm": { "before": 0.9, "after": 0.2, "noise_floor": 0.1, "held_out": true },
+                     "position_rms_rad": { "before": 2e-3, "after": 4e-4, "noise_floor": 3e-4, "held_out": true },
+                     "shrink": 0.96, "shrink_low": 0.9, "shrink_high": 0.98 },
+            "remaining": "white"
+        }]
+    }))
+    .unwrap()
+}
+
+fn html(verdict: &str, traces: Vec<JointTraces>) -> String {
+    let robot = robot::load("shd17").unwrap();
+    let report = report(verdict);
+    page(&robot, &Diagnosis { report, traces }).to_html()
+}
+
+fn traces() -> Vec<JointTraces> {
+    let time_s: Vec<f64> = (0..900).map(|k| f64::from(k) / 30.0).collect();
+    let measured_nm: Vec<f64> = time_s.iter().map(|t| (2.0 * t).sin().signum()).collect();
+    vec![JointTraces {
+        joint: "joint1".to_owned(),
+        nominal_nm: vec![0.0; time_s.len()],
+        augmented_nm: measured_nm.iter().map(|nm| 0.9 * nm).collect(),
+        measured_nm,
+        time_s,
+    }]
+}
+
+#[test]
+fn the_page_says_verdict_values_and_next_steps_without_network_or_script() {
+    let html = html("explained", traces());
+    for told in [
+        "the gap comes from coulomb friction (probability 0.96) and shrinks by 96 % with that",
+        "0.702 to 0.898",
+        "flexspline gap apply",
+        "one speed",
+        "with the effects",
+        "&lt;run&gt;.mcap",
+    ] {
+        assert!(html.contains(told), "{told}");
+    }
+    for foreign in ["<script", "http://", "https://", "NaN"] {
+        assert!(
+            !html.contains(foreign) || foreign == "http://" && html.contains("w3.org"),
+            "{foreign}"
+        );
+    }
+}
+
+#[test]
+fn a_joint_without_a_gap_or_without_traces_has_its_page_too() {
+    assert!(html("no_gap", Vec::new()).contains("Simulation and robot agree"));
+    assert!(html("unexplained", Vec::new()).contains("no known effect accounts for"));
+    assert!(html("insufficient_data", Vec::new()).contains("supports no statement"));
+}

@@ -1,0 +1,99 @@
+//! The worst seconds: what was measured, and what the simulation says with and without the effects.
+
+use gap_diagnosis::JointTraces;
+use gap_diagnosis::report::Report;
+use report::{Axis, Figure, Panel, Section, Series};
+
+use super::with_gap;
+
+/// Length of what is shown.
+const SHOWN_S: f64 = 3.0;
+
+/// The worst seconds of every joint that has a gap.
+pub fn section(report: &Report, traces: &[JointTraces]) -> Section {
+    let mut section = Section::new("traces", "The worst seconds").paragraph(
+        "Disturbance torque: what is left of the drive's torque when that of the rigid robot is taken off.",
+    );
+    for joint in with_gap(report) {
+        let of_joint = traces.iter().find(|traces| traces.joint == joint.joint);
+        if let Some(figure) = of_joint.and_then(figure) {
+            section = section.figure(figure);
+        }
+    }
+    section
+}
+
+fn figure(traces: &JointTraces) -> Option<Figure> {
+    let (from, to) = worst(traces)?;
+    let line = |values: &[f64]| -> Vec<[f64; 2]> {
+        let times = traces.time_s.get(from..to).unwrap_or_default();
+        let values = values.get(from..to).unwrap_or_default();
+        times.iter().zip(values).map(|(t, y)| [*t, *y]).collect()
+    };
+    let panel = Panel::new(
+        Axis::new("time", "s"),
+        Axis::new("disturbance torque", "Nm"),
+    )
+    .series(Series::line("measured", line(&traces.measured_nm)))
+    .series(Series::line("robot file", line(&traces.nominal_nm)))
+    .series(Series::line("with the effects", line(&traces.augmented_nm)));
+    let caption = format!("{}: the seconds in which the gap is largest", traces.joint);
+    Some(Figure::new(caption).panel(panel).columns(1))
+}
+
+/// The stretch of [`SHOWN_S`] with the largest mean square between measured and nominal.
+fn worst(traces: &JointTraces) -> Option<(usize, usize)> {
+    let count = traces
+        .time_s
+        .len()
+        .min(traces.measured_nm.len())
+        .min(traces.nominal_nm.len());
+    if count < 2 {
+        return None;
+    }
+    let step_s = (traces.time_s[count - 1] - traces.time_s[0]) / (count - 1) as f64;
+    let length = if step_s > 0.0 {
+        (SHOWN_S / step_s) as usize
+    } else {
+        count
+    };
+    let length = length.clamp(2, count);
+    let squares: Vec<f64> = (0..count)
+        .map(|k| (traces.measured_nm[k] - traces.nominal_nm[k]).powi(2))
+        .map(|square| if square.is_finite() { square } else { 0.0 })
+        .collect();
+    let mut sum: f64 = squares[..length].iter().sum();
+    let mut best = (0, sum);
+    for from in 1..=count - length {
+        sum += squares[from + length - 1] - squares[from - 1];
+        if sum > best.1 {
+            best = (from, sum);
+        }
+    }
+    Some((best.0, best.0 + length))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_worst_seconds_are_those_of_the_largest_gap() {
+        let time_s: Vec<f64> = (0..3000).map(|k| f64::from(k) * 0.01).collect();
+        let measured_nm = time_s
+            .iter()
+            .map(|t| if (12.0..13.0).contains(t) { 5.0 } else { 0.1 })
+            .collect();
+        let zero = vec![0.0; time_s.len()];
+        let traces = JointTraces {
+            joint: "joint1".to_owned(),
+            measured_nm,
+            nominal_nm: zero.clone(),
+            augmented_nm: zero,
+            time_s,
+        };
+        let (from, to) = worst(&traces).expect("there are samples");
+        assert!(traces.time_s[from] <= 12.0 && traces.time_s[to - 1] >= 12.99);
+        assert_eq!(to - from, 300);
+    }
+}
