@@ -6,7 +6,7 @@ use std::path::Path;
 
 use comfy_table::{Table, presets};
 use gap_diagnosis::Diagnosis;
-use gap_diagnosis::report::{JointReport, Report};
+use gap_diagnosis::report::{JointReport, Report, Verdict};
 use indicatif::{ProgressBar, ProgressStyle};
 use recording::Recording;
 use report::number;
@@ -43,10 +43,24 @@ pub fn diagnose(arguments: &GapDiagnoseArguments) -> Result<(), CliError> {
     if let Some(path) = &arguments.json {
         write_json(&diagnosis.report, path)?;
     }
+    if let Some(why) = nothing_to_say(&diagnosis.report) {
+        return Err(CliError::Input(why));
+    }
     if arguments.json.as_deref() == Some(Path::new("-")) {
         return Ok(());
     }
     print(&summary(&diagnosis.report, arguments.out.as_deref()))
+}
+
+/// Why no joint can be diagnosed, if so: the worst thing that is wrong with the data.
+fn nothing_to_say(report: &Report) -> Option<String> {
+    let all = report
+        .joints
+        .iter()
+        .all(|joint| joint.verdict == Verdict::InsufficientData);
+    let worst = report.data.first().filter(|_| all)?;
+    let on = worst.joint.as_deref().unwrap_or("the recording");
+    Some(format!("{on}: {}: {}", worst.what, worst.remedy))
 }
 
 fn read(path: &Path) -> Result<(String, Recording), CliError> {
