@@ -4,7 +4,7 @@
 use joint_model::filter::{Butterworth, FilterError};
 use robot::{Control, ControlKind, Robot};
 
-use crate::simulate::Feedback;
+use crate::simulate::{Feedback, Way};
 
 /// Bandwidth of the gains that keep a simulation on the recorded motion.
 const TRACKING_RAD_S: f64 = 80.0;
@@ -56,6 +56,7 @@ fn as_told(control: &Control, joint: usize, rate_hz: f64) -> Result<Feedback, Fi
             .transpose()?,
         on_link: control.feedback == robot::Feedback::Link,
         delay_samples: f64::from(control.delay_cycles) * (rate_hz / control.rate_hz).min(1.0),
+        way: Way::Commanded,
     })
 }
 
@@ -79,5 +80,6 @@ pub fn tracking(robot: &Robot, joint: usize, rate_hz: f64) -> Feedback {
         velocity_filter: None,
         on_link: false,
         delay_samples: delay_samples(robot, rate_hz),
+        way: Way::Held,
     }
 }

@@ -37,6 +37,10 @@ pub struct Step {
     pub probabilities: Vec<Probability>,
     /// Effect that was added.
     pub added: Option<&'static str>,
+    /// What torques of no named law would be worth: over what, and nats.
+    pub structure: Vec<(&'static str, f64)>,
+    /// Effects refitted by simulation, with the squares and strain that they leave.
+    pub left: Vec<(&'static str, f64)>,
     /// The leading effects, fitted by simulation, best first.
     refitted: Vec<Refitted>,
 }
@@ -139,6 +143,7 @@ impl Step {
             }
         }
         let left: Vec<(usize, f64)> = refitted.iter().map(|(i, o, _)| (*i, *o)).collect();
+        let structure = search.structure(&round, base);
         let base = search.objective(&base.model, &base.residual_nm);
         standings.refit(&round.ranking, base, &left);
         let mut refitted: Vec<Refitted> = refitted
@@ -150,7 +155,13 @@ impl Step {
             })
             .collect();
         refitted.sort_by(|a, b| b.nats.total_cmp(&a.nats));
+        let left = left
+            .into_iter()
+            .map(|(index, left)| (round.ranking.scored[index].hypothesis.effect, left))
+            .collect();
         Ok(Self {
+            structure,
+            left,
             probabilities: standings.probabilities(&round.ranking),
             standings,
             round,

@@ -409,6 +409,7 @@ mod tests {
                 time_s: k as f64 * 0.1,
                 position_rad: 0.0,
                 velocity_rad_s: 0.0,
+                acceleration_rad_s2: 0.0,
                 load_nm: 0.0,
                 motor_angle_rad: 0.0,
                 inertial_nm: 0.0,

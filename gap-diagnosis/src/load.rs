@@ -4,6 +4,7 @@
 use joint_model::filter::FilterError;
 use joint_model::rigid_body::Chain;
 
+use crate::joint::JointModel;
 use crate::smooth::{derivative, low_pass, second_derivative};
 
 /// Motion above this is noise: no joint of an arm is moved faster on purpose.
@@ -28,6 +29,8 @@ pub struct Load {
     pub inertia_kg_m2: Vec<f64>,
     /// At the recorded motion but without this joint's own acceleration: gravity, and what the other joints do.
     pub torque_nm: Vec<f64>,
+    /// The part of it that is not gravity.
+    pub coupling_nm: Vec<f64>,
     /// How that changes with this joint's angle.
     pub slope_nm_rad: Vec<f64>,
 }
@@ -121,27 +124,98 @@ impl Motion {
         })
     }
 
+    /// The links' motion, where this is the motors': gears are wound up by what rigid bodies ask for, and their
+    /// kinematic error turns with the motor. A joint without a gear here was measured behind it.
+    ///
+    /// # Errors
+    /// [`FilterError`] if the rate is no rate.
+    pub fn behind_gears(&self, chain: &Chain, gears: &[Option<JointModel>]) -> Result<Self, FilterError> {
+        let count = self.position_rad.len();
+        let samples = self.position_rad.first().map_or(0, Vec::len);
+        let knots = self.knots(samples);
+        let mut torque_nm = vec![0.0; count];
+        let wound: Vec<Vec<f64>> = knots
+            .iter()
+            .map(|&k| {
+                let [position_rad, velocity_rad_s, acceleration_rad_s2] = self.at(k);
+                chain.inverse_dynamics(
+                    &position_rad,
+                    &velocity_rad_s,
+                    &acceleration_rad_s2,
+                    &mut torque_nm,
+                );
+                gears
+                    .iter()
+                    .zip(&torque_nm)
+                    .map(|(gear, &torque_nm)| {
+                        gear.as_ref()
+                            .map_or(0.0, |gear| gear.torsion_rad(torque_nm))
+                    })
+                    .collect()
+            })
+            .collect();
+        let link_rad: Vec<Vec<f64>> = gears
+            .iter()
+            .enumerate()
+            .map(|(joint, gear)| {
+                let torsion_rad = interpolate(&knots, samples, |knot| wound[knot][joint]);
+                let Some(gear) = gear else {
+                    return self.position_rad[joint].clone();
+                };
+                let motor_rad = self.position_rad[joint].iter();
+                motor_rad
+                    .zip(torsion_rad)
+                    .map(|(motor_rad, torsion_rad)| {
+                        let angle_rad = motor_rad * gear.gear_ratio;
+                        let (error_rad, _) = gear.kinematic_error.error_and_slope(angle_rad);
+                        motor_rad + error_rad - torsion_rad
+                    })
+                    .collect()
+            })
+            .collect();
+        Self::of(&link_rad, self.rate_hz)
+    }
+
+    fn knots(&self, samples: usize) -> Vec<usize> {
+        let every = ((self.rate_hz / LOAD_HZ) as usize).max(1);
+        (0..samples)
+            .step_by(every)
+            .chain([samples.saturating_sub(1)])
+            .collect()
+    }
+
+    /// Every joint's position, velocity and acceleration at a sample.
+    fn at(&self, k: usize) -> [Vec<f64>; 3] {
+        [
+            &self.position_rad,
+            &self.velocity_rad_s,
+            &self.acceleration_rad_s2,
+        ]
+        .map(|columns| columns.iter().map(|column| column[k]).collect())
+    }
+
+    /// A joint's velocity.
+    pub fn velocity_rad_s(&self, joint: usize) -> &[f64] {
+        &self.velocity_rad_s[joint]
+    }
+
+    /// A joint's acceleration.
+    pub fn acceleration_rad_s2(&self, joint: usize) -> &[f64] {
+        &self.acceleration_rad_s2[joint]
+    }
+
     /// What one joint of a chain carries along this motion.
     pub fn load(&self, chain: &Chain, joint: usize) -> Load {
         let samples = self.position_rad[joint].len();
         let count = self.position_rad.len();
-        let every = ((self.rate_hz / LOAD_HZ) as usize).max(1);
-        let knots: Vec<usize> = (0..samples)
-            .step_by(every)
-            .chain([samples.saturating_sub(1)])
-            .collect();
-        let at = |columns: &[Vec<f64>], k: usize| -> Vec<f64> {
-            columns.iter().map(|column| column[k]).collect()
-        };
+        let knots = self.knots(samples);
         let rest = vec![0.0; count];
         let mut unit = vec![0.0; count];
         unit[joint] = 1.0;
         let mut out = vec![0.0; count];
         let mut values = Vec::with_capacity(knots.len());
         for &k in &knots {
-            let mut position_rad = at(&self.position_rad, k);
-            let velocity_rad_s = at(&self.velocity_rad_s, k);
-            let mut acceleration_rad_s2 = at(&self.acceleration_rad_s2, k);
+            let [mut position_rad, velocity_rad_s, mut acceleration_rad_s2] = self.at(k);
             acceleration_rad_s2[joint] = 0.0;
             chain.inverse_dynamics(
                 &position_rad,
@@ -157,28 +231,36 @@ impl Motion {
             position_rad[joint] += SLOPE_RAD;
             chain.gravity_torque(&position_rad, &mut out);
             let slope_nm_rad = (out[joint] - gravity_nm) / SLOPE_RAD;
-            values.push([torque_nm, inertia_kg_m2, slope_nm_rad]);
+            values.push([
+                torque_nm,
+                inertia_kg_m2,
+                slope_nm_rad,
+                torque_nm - gravity_nm,
+            ]);
         }
-        let column = |index: usize| interpolate(&knots, &values, index, samples);
+        let column = |index: usize| interpolate(&knots, samples, |knot| values[knot][index]);
         Load {
             position_rad: self.position_rad[joint].clone(),
             velocity_rad_s: self.velocity_rad_s[joint].clone(),
             torque_nm: column(0),
             inertia_kg_m2: column(1),
             slope_nm_rad: column(2),
+            coupling_nm: column(3),
         }
     }
 }
 
-fn interpolate(knots: &[usize], values: &[[f64; 3]], index: usize, samples: usize) -> Vec<f64> {
+fn interpolate(knots: &[usize], samples: usize, value: impl Fn(usize) -> f64) -> Vec<f64> {
     let mut column = Vec::with_capacity(samples);
-    for (pair, ends) in knots.windows(2).zip(values.windows(2)) {
+    for (index, pair) in knots.windows(2).enumerate() {
         let steps = pair[1] - pair[0];
         for step in 0..steps {
             let share = step as f64 / steps as f64;
-            column.push(ends[0][index] + share * (ends[1][index] - ends[0][index]));
+            column.push(value(index) + share * (value(index + 1) - value(index)));
         }
     }
-    column.extend(values.last().map(|last| last[index]));
+    if !knots.is_empty() {
+        column.push(value(knots.len() - 1));
+    }
     column
 }

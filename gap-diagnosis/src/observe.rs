@@ -4,6 +4,7 @@
 //!
 //! - [`Channel::Motor`], the disturbance torque `τ - (J + M)·q̈ - s·(q - q₀)`: what is left of the drive's torque when
 //!   the rigid joint's is taken off (`J` rotor, `M` link inertia, `s` slope of gravity about the recorded angle `q₀`).
+//!   A simulation's torque is the drive's and what holds it on the recorded motion.
 //! - [`Channel::Drive`], `τ - u`: reported less commanded torque.
 //! - [`Channel::Torsion`], `k·(q_motor - q_link)` with the robot file's stiffness.
 //! - [`Channel::Link`], `τ_sensor - M·q̈ - s·(q - q₀)`: what the torque sensor has beyond the rigid link.
@@ -67,6 +68,8 @@ struct Seen<'a> {
     motor_rad: &'a [f64],
     link_rad: Option<&'a [f64]>,
     torque_nm: &'a [f64],
+    /// Of a simulation: what holds it on the recorded motion.
+    holding_nm: Option<&'a [f64]>,
     command_nm: &'a [f64],
     joint_torque_nm: Option<&'a [f64]>,
 }
@@ -123,6 +126,7 @@ impl Band {
             motor_rad: &stretch.drive.motor_rad,
             link_rad: stretch.link_rad.as_deref(),
             torque_nm: &stretch.torque_nm,
+            holding_nm: None,
             command_nm: &stretch.drive.command_nm,
             joint_torque_nm: stretch.joint_torque_nm.as_deref(),
         };
@@ -149,6 +153,7 @@ impl Band {
             } else {
                 &trace.command_nm
             },
+            holding_nm: Some(&trace.holding_nm),
             command_nm: &trace.command_nm,
             joint_torque_nm: Some(&trace.joint_torque_nm),
         };
@@ -175,7 +180,8 @@ impl Band {
                     Channel::Motor => (0..count)
                         .map(|k| {
                             let inertia = nominal.rotor_inertia_kg_m2 + load.inertia_kg_m2[k];
-                            seen.torque_nm[k] - rigid_nm(k, inertia)
+                            let holding_nm = seen.holding_nm.map_or(0.0, |held| held[k]);
+                            seen.torque_nm[k] + holding_nm - rigid_nm(k, inertia)
                         })
                         .collect(),
                     Channel::Drive => (0..count)

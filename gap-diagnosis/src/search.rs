@@ -13,6 +13,7 @@ use robot::Effect;
 use crate::fit::{Blocks, Bound, HeldOut, block_of};
 use crate::hypothesis::{Hypothesis, Scale, periodic, plain};
 use crate::observe::Channel;
+use crate::shapes::{evidence_nats, families, on_sides};
 use crate::spectrum::peaks;
 use crate::twin::{Changes, JointTwin, Row};
 use crate::whiten::{Floor, Whitener};
@@ -510,6 +511,36 @@ impl<'a> Search<'a> {
             rows: blocks.rows(),
         };
         (ranking, blocks)
+    }
+
+    /// What a torque of no named law would be worth beside a model, of each family: over what, and nats. Known values
+    /// are refitted with it, as they respond in a round.
+    pub fn structure(&self, round: &Round, refined: &Refined) -> Vec<(&'static str, f64)> {
+        let known = &round.linear.known;
+        let bounds = self.bounds();
+        let prior_means: Vec<f64> = refined.model.known.iter().map(|z| -z).collect();
+        let beside: Vec<usize> = (0..known.len()).collect();
+        families(self.twin, &refined.residual_nm)
+            .par_iter()
+            .map(|family| {
+                let nats = on_sides(family, &self.twin.rows)
+                    .into_iter()
+                    .map(|family| {
+                        let mut bounds = bounds.clone();
+                        bounds.extend(family.columns.iter().map(|_| Bound::FREE));
+                        let mut means = prior_means.clone();
+                        means.resize(bounds.len(), 0.0);
+                        let chosen: Vec<usize> = (known.len()..bounds.len()).collect();
+                        let columns: Vec<Vec<f64>> =
+                            known.iter().chain(&family.columns).cloned().collect();
+                        let blocks = self.blocks(&columns, &refined.residual_nm, &bounds, &means);
+                        let (matrix, vector) = blocks.information(&beside, &chosen);
+                        evidence_nats(matrix, &vector, family.tried)
+                    })
+                    .fold(0.0, f64::max);
+                (family.over, nats)
+            })
+            .collect()
     }
 
     /// Root mean square over the motor's channel.

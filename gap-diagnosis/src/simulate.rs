@@ -1,9 +1,13 @@
 //! One joint simulated along a recording, with the controller that ran on it.
 //!
-//! The joint gets the recorded command plus what the controller would have added for the difference between recorded and
-//! simulated position: `u = u_rec + K_p·e + K_d·F[ė]`, `e = q_rec - q_sim`. For a controller that is linear in the
-//! measured motion this *is* its closed loop, whatever it fed forward, so nothing needs to be known of that. Where the
-//! controller is unknown, gains of our own keep the simulation on the recorded motion.
+//! The joint gets the recorded command plus what a controller adds for the difference between recorded and simulated
+//! position, `K_p·e + K_d·F[ė]`, `e = q_rec - q_sim`. There are two:
+//!
+//! - The robot file's, through the drive as the command ([`Way::Commanded`]). For a controller that is linear in the
+//!   measured motion this *is* its closed loop, whatever it fed forward, so nothing needs to be known of that.
+//! - One of our own that holds the simulation on the recorded motion, by a torque on the rotor ([`Way::Held`]): it knows
+//!   the recording's future, so no delay of drive or sensors makes it unstable, and its torque is told, so that it can be
+//!   counted as a disturbance.
 //!
 //! Motor and link are two masses with the gear between them, in implicit steps: spring, damping and friction act with
 //! their values at the end of a step, so no stiffness asks for a smaller one. Friction is a spring that slips
@@ -43,6 +47,17 @@ pub struct Feedback {
     pub on_link: bool,
     /// Samples from a measurement to the beginning of its command.
     pub delay_samples: f64,
+    /// How its torque reaches the joint.
+    pub way: Way,
+}
+
+/// How a feedback's torque reaches the joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// Through the drive, on what the sensors show.
+    Commanded,
+    /// On the rotor, beside the drive and without delay.
+    Held,
 }
 
 /// What the simulated sensors showed, joint side.
@@ -56,6 +71,8 @@ pub struct Trace {
     pub command_nm: Vec<f64>,
     /// Torque the drive reports.
     pub torque_nm: Vec<f64>,
+    /// Torque that holds the simulation on the recorded motion, seen as the drive's is.
+    pub holding_nm: Vec<f64>,
     /// Torque in the gear's output.
     pub joint_torque_nm: Vec<f64>,
 }
@@ -92,8 +109,21 @@ pub fn simulate(
     let step_s = drive.period_s / substeps as f64;
     for k in 0..samples {
         let measured = joint.measure(model, drive.period_s, noise.as_deref_mut());
-        let command_nm = loop_.command_nm(feedback, drive, k, &measured);
+        let added_nm = match feedback.way {
+            Way::Commanded => loop_.torque_nm(feedback, drive, k as f64, &measured),
+            Way::Held => {
+                let ahead = model.sensor_delay_s / drive.period_s;
+                loop_.torque_nm(feedback, drive, k as f64 + ahead, &joint.seen_now(model))
+            }
+        };
+        let command_nm = match feedback.way {
+            Way::Commanded => drive.command_nm[k] + added_nm,
+            Way::Held => drive.command_nm[k],
+        };
         trace.push(&measured, command_nm);
+        if feedback.way == Way::Held {
+            joint.holding_nm = added_nm;
+        }
         let kept = match noise.as_deref_mut() {
             Some(noise) => noise.uniform() >= model.dropped_commands,
             None => true,
@@ -103,7 +133,7 @@ pub fn simulate(
         let delay = feedback.delay_samples + model.command_delay_s / drive.period_s;
         for substep in 0..substeps {
             let share = substep as f64 / substeps as f64;
-            joint.drive(model, delay - share, step_s);
+            joint.drive(model, delay - share, 1.0 / substeps as f64, step_s);
             joint.advance(model, load, k, share, time_s, step_s);
         }
     }
@@ -118,6 +148,7 @@ impl Trace {
             link_rad: column(),
             command_nm: column(),
             torque_nm: column(),
+            holding_nm: column(),
             joint_torque_nm: column(),
         }
     }
@@ -126,6 +157,7 @@ impl Trace {
         self.motor_rad.push(measured.motor_rad);
         self.link_rad.push(measured.link_rad);
         self.torque_nm.push(measured.torque_nm);
+        self.holding_nm.push(measured.holding_nm);
         self.command_nm.push(command_nm);
         self.joint_torque_nm.push(measured.joint_torque_nm);
     }
@@ -136,7 +168,25 @@ struct Measured {
     motor_rad: f64,
     link_rad: f64,
     torque_nm: f64,
+    holding_nm: f64,
     joint_torque_nm: f64,
+}
+
+impl Measured {
+    /// From motor and link angle, drive's and joint's torque, and what holds.
+    fn of(model: &JointModel, seen: [f64; 5]) -> Self {
+        let [motor_rad, link_rad, torque_nm, joint_torque_nm, holding_nm] = seen;
+        let ratio = model.gear_ratio;
+        Self {
+            motor_rad: motor_rad
+                + model.encoder_offset_rad
+                + sum(&model.motor_eccentricity, motor_rad * ratio) / ratio,
+            link_rad: link_rad + model.encoder_offset_rad + sum(&model.link_eccentricity, link_rad),
+            torque_nm,
+            joint_torque_nm,
+            holding_nm,
+        }
+    }
 }
 
 /// The controller, as a difference to what was recorded.
@@ -153,16 +203,23 @@ impl Loop {
         }
     }
 
-    fn command_nm(
+    /// For the recording at a sample, or between two.
+    fn torque_nm(
         &mut self,
         feedback: &Feedback,
         drive: &Drive,
-        k: usize,
+        sample: f64,
         measured: &Measured,
     ) -> f64 {
+        let recorded = |column: &[f64]| {
+            let last = column.len() - 1;
+            let before = (sample as usize).min(last);
+            let after = (before + 1).min(last);
+            column[before] + (sample - before as f64).min(1.0) * (column[after] - column[before])
+        };
         let error_rad = match &drive.link_rad {
-            Some(link_rad) if feedback.on_link => link_rad[k] - measured.link_rad,
-            _ => drive.motor_rad[k] - measured.motor_rad,
+            Some(link_rad) if feedback.on_link => recorded(link_rad) - measured.link_rad,
+            _ => recorded(&drive.motor_rad) - measured.motor_rad,
         };
         let difference_rad_s = (error_rad - self.error_before_rad) / drive.period_s;
         self.error_before_rad = error_rad;
@@ -170,9 +227,7 @@ impl Loop {
             Some(filter) => filter.step(difference_rad_s),
             None => difference_rad_s,
         };
-        drive.command_nm[k]
-            + feedback.proportional_nm_rad * error_rad
-            + feedback.derivative_nm_s_rad * rate_rad_s
+        feedback.proportional_nm_rad * error_rad + feedback.derivative_nm_s_rad * rate_rad_s
     }
 }
 
@@ -184,12 +239,14 @@ struct State {
     link_rad_s: f64,
     /// Torque of the current loop.
     drive_nm: f64,
+    /// Torque that holds the simulation on the recorded motion.
+    holding_nm: f64,
     joint_torque_nm: f64,
     /// How far friction has bent before it slips.
     bent_rad: f64,
     hysteresis_nm: f64,
     commands_nm: [f64; HISTORY],
-    seen: [[f64; 4]; HISTORY],
+    seen: [[f64; 5]; HISTORY],
     newest: usize,
 }
 
@@ -210,11 +267,12 @@ impl State {
             link_rad,
             link_rad_s: velocity_rad_s,
             drive_nm: command_nm,
+            holding_nm: 0.0,
             joint_torque_nm: load_nm,
             bent_rad: 0.0,
             hysteresis_nm: 0.0,
             commands_nm: [command_nm; HISTORY],
-            seen: [[motor_rad, link_rad, command_nm, load_nm]; HISTORY],
+            seen: [[motor_rad, link_rad, command_nm, load_nm, 0.0]; HISTORY],
             newest: 0,
         }
     }
@@ -231,22 +289,14 @@ impl State {
             self.link_rad,
             self.drive_nm,
             self.joint_torque_nm,
+            self.holding_nm,
         ];
         let periods = model.sensor_delay_s / period_s;
-        let [motor_rad, link_rad, torque_nm, joint_torque_nm] =
-            [0, 1, 2, 3].map(|signal| delayed(periods, |age| self.seen[self.index(age)][signal]));
-        let motor_rad = motor_rad
-            + model.encoder_offset_rad
-            + sum(&model.motor_eccentricity, motor_rad * model.gear_ratio) / model.gear_ratio;
-        let link_rad =
-            link_rad + model.encoder_offset_rad + sum(&model.link_eccentricity, link_rad);
+        let seen = [0, 1, 2, 3, 4]
+            .map(|signal| delayed(periods, |age| self.seen[self.index(age)][signal]));
+        let shown = Measured::of(model, seen);
         let Some(noise) = noise else {
-            return Measured {
-                motor_rad,
-                link_rad,
-                torque_nm,
-                joint_torque_nm,
-            };
+            return shown;
         };
         let noisy = |value: f64, deviation: f64, step: f64, normal: f64| {
             let value = value + deviation * normal;
@@ -259,20 +309,25 @@ impl State {
         let ratio = model.gear_ratio;
         Measured {
             motor_rad: noisy(
-                motor_rad,
+                shown.motor_rad,
                 model.position_noise_rad / ratio,
                 model.motor_resolution_rad / ratio,
                 noise.normal(),
             ),
             link_rad: noisy(
-                link_rad,
+                shown.link_rad,
                 model.position_noise_rad,
                 model.link_resolution_rad,
                 noise.normal(),
             ),
-            torque_nm: torque_nm + ratio * model.torque_noise_nm * noise.normal(),
-            joint_torque_nm,
+            torque_nm: shown.torque_nm + ratio * model.torque_noise_nm * noise.normal(),
+            ..shown
         }
+    }
+
+    /// What sensors without delay and noise show.
+    fn seen_now(&self, model: &JointModel) -> Measured {
+        Measured::of(model, self.seen[self.newest])
     }
 
     fn index(&self, age: usize) -> usize {
@@ -284,12 +339,17 @@ impl State {
         self.commands_nm[self.newest] = if kept { command_nm } else { before };
     }
 
-    /// The current loop, for a command that is so many periods old.
-    fn drive(&mut self, model: &JointModel, age: f64, step_s: f64) {
-        // a command acts as a whole: the newest that is old enough
-        let age = (age - 1e-9).ceil().max(0.0) as usize;
+    /// The current loop, for a command that is so many periods old at the beginning of a substep of so many periods.
+    fn drive(&mut self, model: &JointModel, age: f64, periods: f64, step_s: f64) {
+        // a command is held until the next is old enough, which may be within the substep
+        let older = (age - 1e-9).ceil().max(0.0);
         let limit_nm = model.torque_limit_nm * model.gear_ratio;
-        let demand_nm = self.commands_nm[self.index(age)].clamp(-limit_nm, limit_nm);
+        let held = |age: f64| {
+            let age = age.max(0.0) as usize;
+            self.commands_nm[self.index(age)].clamp(-limit_nm, limit_nm)
+        };
+        let share_of_older = ((age - (older - 1.0)) / periods).clamp(0.0, 1.0);
+        let demand_nm = held(older) + (1.0 - share_of_older) * (held(older - 1.0) - held(older));
         let share = if model.current_lag_s > 0.0 {
             -(-step_s / model.current_lag_s).exp_m1()
         } else {
@@ -311,6 +371,7 @@ impl State {
         let motor_angle_rad = self.motor_rad * model.gear_ratio;
         let shaft_nm = model.torque_gain * self.drive_nm
             + model.torque_offset_nm
+            + self.holding_nm
             + model.gear_ratio * sum(&model.torque_ripple, motor_angle_rad);
         let link = LinkLoad::at(model, load, k, share, self.link_rad);
         let level = |direction: Direction, load_nm: f64, speed_rad_s: f64| {

@@ -108,6 +108,7 @@ mod tests {
                     time_s: t,
                     position_rad: 0.0,
                     velocity_rad_s: 30.0 * t.cos(),
+                    acceleration_rad_s2: 0.0,
                     load_nm: 0.0,
                     motor_angle_rad: 30.0 * t.sin(),
                     inertial_nm: 0.0,

@@ -4,6 +4,7 @@ use joint_model::filter::FilterError;
 use recording::{JointColumns, MissingSignal, Recording, Signal};
 use robot::Robot;
 
+use crate::joint::JointModel;
 use crate::load::{Load, Motion};
 use crate::simulate::Drive;
 
@@ -44,7 +45,7 @@ pub struct Stretch {
     pub rate_hz: f64,
     /// In the robot file's order; none where the joint's torque is not known.
     pub joints: Vec<Option<JointStretch>>,
-    /// The whole arm's.
+    /// The whole arm's, of its links.
     pub motion: Motion,
 }
 
@@ -220,7 +221,14 @@ fn stretch(
         .map(|joint| position_rad(recording.joint(&joint.name)?, joint.gear_ratio, grid))
         .collect::<Result<Vec<_>, MissingSignal>>()?;
     let columns: Vec<Vec<f64>> = positions.iter().map(|p| p.motor_rad.clone()).collect();
-    let motion = Motion::of(&columns, rate_hz)?;
+    let gears: Vec<Option<JointModel>> = positions
+        .iter()
+        .enumerate()
+        .map(|(joint, position)| {
+            (!position.is_of_link).then(|| JointModel::nominal(robot, joint))
+        })
+        .collect();
+    let motion = Motion::of(&columns, rate_hz)?.behind_gears(&robot.chain, &gears)?;
     let joints = positions
         .into_iter()
         .zip(&robot.joints)
@@ -244,6 +252,8 @@ struct Position {
     motor_rad: Vec<f64>,
     link_rad: Option<Vec<f64>>,
     is_whole: Vec<bool>,
+    /// Whether the only encoder is behind the gear.
+    is_of_link: bool,
 }
 
 fn position_rad(
@@ -258,12 +268,14 @@ fn position_rad(
             motor_rad,
             link_rad: link.map(|(link_rad, _)| link_rad),
             is_whole,
+            is_of_link: false,
         }),
         // one encoder behind the gear: the gear is as good as rigid
         (None, Some((motor_rad, is_whole))) => Ok(Position {
             motor_rad,
             link_rad: None,
             is_whole,
+            is_of_link: true,
         }),
         (None, None) => Err(MissingSignal::Signal {
             joint: joint.name.clone(),

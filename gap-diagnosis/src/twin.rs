@@ -11,7 +11,7 @@ use robot::{Effect, Robot};
 use crate::control;
 use crate::joint::JointModel;
 use crate::known::{self, KnownValue};
-use crate::load::{Load, LoadChange};
+use crate::load::{Load, LoadChange, Motion};
 use crate::observe::{Band, Channel, channels};
 use crate::simulate::{Feedback, Noise, Trace, simulate};
 use crate::smooth::derivative;
@@ -37,11 +37,13 @@ pub struct Row {
     pub position_rad: f64,
     /// Joint side.
     pub velocity_rad_s: f64,
+    /// Joint side.
+    pub acceleration_rad_s2: f64,
     /// Torque of the rigid bodies.
     pub load_nm: f64,
     /// Motor side.
     pub motor_angle_rad: f64,
-    /// Largest torque that accelerates rotor and link within what the low-pass sees.
+    /// Largest torque that accelerates rotor and link, and of the other joints' motion, within what the low-pass sees.
     pub inertial_nm: f64,
 }
 
@@ -139,6 +141,33 @@ impl<'a> JointTwin<'a> {
     /// The recordings' signals.
     pub fn stretches(&self) -> Vec<&JointStretch> {
         self.pieces.iter().map(|piece| piece.joint).collect()
+    }
+
+    /// Velocity, its direction, and acceleration of each other joint, row by row.
+    pub fn others(&self) -> Vec<Vec<f64>> {
+        let others = (0..self.robot.joints.len()).filter(|other| *other != self.joint);
+        others
+            .flat_map(|other| {
+                let motion = |of: &dyn Fn(&Motion, usize) -> f64| -> Vec<f64> {
+                    let at = |piece: &Piece<'_>, row: &usize| {
+                        of(&piece.stretch.motion, row * piece.band.stride())
+                    };
+                    let pieces = self.pieces.iter();
+                    pieces
+                        .flat_map(|piece| {
+                            let once: Vec<f64> =
+                                piece.kept.iter().map(|row| at(piece, row)).collect();
+                            once.repeat(self.channels.len())
+                        })
+                        .collect()
+                };
+                [
+                    motion(&|m, k| m.velocity_rad_s(other)[k]),
+                    motion(&|m, k| m.velocity_rad_s(other)[k].signum()),
+                    motion(&|m, k| m.acceleration_rad_s2(other)[k]),
+                ]
+            })
+            .collect()
     }
 
     /// Above this nothing is compared.
@@ -316,6 +345,15 @@ fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointModel) -> Vec
         let load = &piece.joint.load;
         let acceleration_rad_s2 = derivative(&load.velocity_rad_s, drive.period_s);
         let around = (AROUND_S / drive.period_s) as usize;
+        let moving_nm: Vec<f64> = acceleration_rad_s2
+            .iter()
+            .zip(&load.inertia_kg_m2)
+            .zip(&load.coupling_nm)
+            .map(|((acceleration_rad_s2, inertia_kg_m2), coupling_nm)| {
+                let inertia_kg_m2 = nominal.rotor_inertia_kg_m2 + inertia_kg_m2;
+                inertia_kg_m2 * acceleration_rad_s2.abs() + coupling_nm.abs()
+            })
+            .collect();
         for &channel in channels {
             rows.extend(piece.kept.iter().map(|row| {
                 let k = row * piece.band.stride();
@@ -325,10 +363,10 @@ fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointModel) -> Vec
                     time_s: drive.start_s + k as f64 * drive.period_s,
                     position_rad: load.position_rad[k],
                     velocity_rad_s: load.velocity_rad_s[k],
+                    acceleration_rad_s2: acceleration_rad_s2[k],
                     load_nm: load.torque_nm[k],
-                    motor_angle_rad: nominal.gear_ratio * load.position_rad[k],
-                    inertial_nm: (nominal.rotor_inertia_kg_m2 + load.inertia_kg_m2[k])
-                        * largest_around(&acceleration_rad_s2, k, around),
+                    motor_angle_rad: nominal.gear_ratio * drive.motor_rad[k],
+                    inertial_nm: largest_around(&moving_nm, k, around),
                 }
             }));
         }

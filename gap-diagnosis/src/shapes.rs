@@ -1,0 +1,257 @@
+//! Torques of no named law: anything smooth over position, velocity, load, time, acceleration, or the motion of the other
+//! joints, and a steady vibration. They tell whether something with a structure is left, and over what.
+//!
+//! Each family is a linear combination of its columns, all of them small at first sight (a normal prior); what it is
+//! worth is its Bayes factor against nothing, with the size of the prior that suits it best (type II maximum likelihood:
+//! MacKay, Neural Computation 4 (1992) 415-447).
+
+use std::f64::consts::TAU;
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::observe::Channel;
+use crate::twin::{JointTwin, Row};
+
+/// Hats over a variable.
+const HATS: usize = 12;
+/// Hats over time, one a second but no more than this.
+const HATS_OVER_TIME: usize = 40;
+/// Frequencies of vibration that are tried, from the first to the last.
+const VIBRATION_HZ: [f64; 2] = [0.3, 14.0];
+/// Prior deviations of a coefficient that are tried, in powers of this factor.
+const PRIOR_STEP: f64 = 2.5;
+const PRIORS: i32 = 14;
+
+/// Torques over one variable.
+#[derive(Clone, Debug)]
+pub struct Family {
+    /// The variable, in words.
+    pub over: &'static str,
+    /// One value a row, Nm times a coefficient.
+    pub columns: Vec<Vec<f64>>,
+    /// Families of this kind that were tried before one was chosen.
+    pub tried: f64,
+}
+
+/// All families along a joint's recordings; a residual tells at which frequency it may vibrate.
+pub fn families(twin: &JointTwin<'_>, residual_nm: &[f64]) -> Vec<Family> {
+    let rows = &twin.rows;
+    let mut all = Vec::new();
+    let mut add = |over, columns: Vec<Vec<f64>>| {
+        all.push(Family {
+            over,
+            columns,
+            tried: 1.0,
+        });
+    };
+    let sign = |row: &Row| row.velocity_rad_s.signum();
+    let each = |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).collect::<Vec<f64>>();
+    let position = hats(&each(&|row| row.position_rad), HATS);
+    add("position", position.clone());
+    add("position and direction", signed(&position, rows, sign));
+    add("velocity", hats(&each(&|row| row.velocity_rad_s), HATS));
+    let load = hats(&each(&|row| row.load_nm), HATS);
+    add("load and direction", signed(&load, rows, sign));
+    let acceleration = hats(&each(&|row| row.acceleration_rad_s2), HATS);
+    add("acceleration", acceleration);
+    add("jerk", hats(&jerk(rows), HATS));
+    let travelled = hats(&travelled(rows), HATS);
+    add("travel since the last reversal", signed(&travelled, rows, sign));
+    let time_s = each(&|row| row.time_s);
+    let seconds = time_s.iter().copied().fold(0.0, f64::max);
+    let time = hats(&time_s, HATS_OVER_TIME.min(seconds as usize).max(2));
+    add("time and direction", signed(&time, rows, sign));
+    add("time", time);
+    let others = twin.others();
+    if !others.is_empty() {
+        add("motion of the other joints", others);
+    }
+    all.extend(vibration(rows, residual_nm));
+    all
+}
+
+/// The channels in which a torque shows that acts on the motor's side or on the link's.
+pub fn on_sides(family: &Family, rows: &[Row]) -> Vec<Family> {
+    let motor_only = |column: &Vec<f64>| -> Vec<f64> {
+        rows.iter()
+            .zip(column)
+            .map(|(row, value)| if row.channel == Channel::Motor { *value } else { 0.0 })
+            .collect()
+    };
+    let behind_gear = |column: &Vec<f64>| -> Vec<f64> {
+        rows.iter()
+            .zip(column)
+            .map(|(row, value)| if row.channel == Channel::Drive { 0.0 } else { *value })
+            .collect()
+    };
+    let has_link = rows
+        .iter()
+        .any(|row| matches!(row.channel, Channel::Torsion | Channel::Link));
+    let side = |of: &dyn Fn(&Vec<f64>) -> Vec<f64>| Family {
+        columns: family.columns.iter().map(of).collect(),
+        ..family.clone()
+    };
+    let mut sides = vec![side(&motor_only)];
+    if has_link {
+        sides.push(side(&behind_gear));
+    }
+    sides
+}
+
+/// Nats by which a family explains more than nothing: information matrix and vector of its columns, in whitened units.
+pub fn evidence_nats(information: DMatrix<f64>, vector: &DVector<f64>, tried: f64) -> f64 {
+    let size = information.diagonal().max();
+    if !(size.is_finite() && size > 0.0) {
+        return 0.0;
+    }
+    let eigen = information.symmetric_eigen();
+    let turned = eigen.eigenvectors.tr_mul(vector);
+    (0..PRIORS)
+        .map(|step| {
+            let variance = PRIOR_STEP.powi(2 * step) / size;
+            eigen
+                .eigenvalues
+                .iter()
+                .zip(turned.iter())
+                .map(|(lambda, b)| {
+                    let seen = 1.0 + variance * lambda.max(0.0);
+                    0.5 * (variance * b * b / seen - seen.ln())
+                })
+                .sum::<f64>()
+        })
+        .fold(0.0, f64::max)
+        - tried.ln()
+}
+
+/// Linear hats between quantiles of a variable: they sum to one everywhere.
+fn hats(values: &[f64], count: usize) -> Vec<Vec<f64>> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let last = sorted.len().saturating_sub(1);
+    let mut knots: Vec<f64> = (0..count)
+        .map(|k| sorted[last * k / (count - 1).max(1)])
+        .collect();
+    knots.dedup();
+    if knots.len() < 2 {
+        return Vec::new();
+    }
+    (0..knots.len())
+        .map(|k| {
+            values
+                .iter()
+                .map(|value| {
+                    let below = k.checked_sub(1).map(|k| knots[k]);
+                    let above = knots.get(k + 1).copied();
+                    let up = below.map_or(1.0, |b| (value - b) / (knots[k] - b));
+                    let down = above.map_or(1.0, |a| (a - value) / (a - knots[k]));
+                    up.min(down).clamp(0.0, 1.0)
+                })
+                .collect()
+        })
+        .collect()
+}
+
+fn signed(columns: &[Vec<f64>], rows: &[Row], sign: impl Fn(&Row) -> f64) -> Vec<Vec<f64>> {
+    columns
+        .iter()
+        .map(|column| {
+            column
+                .iter()
+                .zip(rows)
+                .map(|(value, row)| value * sign(row))
+                .collect()
+        })
+        .collect()
+}
+
+fn jerk(rows: &[Row]) -> Vec<f64> {
+    (0..rows.len())
+        .map(|k| {
+            let (from, to) = (k.saturating_sub(1), (k + 1).min(rows.len() - 1));
+            let (a, b) = (&rows[from], &rows[to]);
+            let time_s = b.time_s - a.time_s;
+            if a.stretch != b.stretch || a.channel != b.channel || time_s <= 0.0 {
+                return 0.0;
+            }
+            (b.acceleration_rad_s2 - a.acceleration_rad_s2) / time_s
+        })
+        .collect()
+}
+
+/// Way since the last change of direction.
+fn travelled(rows: &[Row]) -> Vec<f64> {
+    let mut travelled = Vec::with_capacity(rows.len());
+    let mut way_rad = 0.0;
+    for (k, row) in rows.iter().enumerate() {
+        let before = k.checked_sub(1).map(|k| &rows[k]);
+        let goes_on = before.is_some_and(|before| {
+            before.stretch == row.stretch
+                && before.channel == row.channel
+                && before.velocity_rad_s * row.velocity_rad_s > 0.0
+        });
+        way_rad = match before {
+            Some(before) if goes_on => way_rad + (row.position_rad - before.position_rad).abs(),
+            _ => 0.0,
+        };
+        travelled.push(way_rad);
+    }
+    travelled
+}
+
+/// Sine and cosine over time at the frequency at which the residual of the motor's channel is strongest.
+fn vibration(rows: &[Row], residual_nm: &[f64]) -> Option<Family> {
+    let motor: Vec<(f64, f64)> = rows
+        .iter()
+        .zip(residual_nm)
+        .filter(|(row, _)| row.channel == Channel::Motor)
+        .map(|(row, value)| (row.time_s, *value))
+        .collect();
+    let end_s = motor.iter().map(|(time_s, _)| *time_s).fold(0.0, f64::max);
+    let step_hz = 0.5 / end_s.max(1.0);
+    let tried = ((VIBRATION_HZ[1] - VIBRATION_HZ[0]) / step_hz) as usize;
+    let power = |hz: f64| {
+        let (mut sin_sum, mut cos_sum) = (0.0, 0.0);
+        for (time_s, value) in &motor {
+            let (sin, cos) = (TAU * hz * time_s).sin_cos();
+            sin_sum += sin * value;
+            cos_sum += cos * value;
+        }
+        sin_sum * sin_sum + cos_sum * cos_sum
+    };
+    let strongest = (0..tried)
+        .map(|k| VIBRATION_HZ[0] + k as f64 * step_hz)
+        .map(|hz| (hz, power(hz)))
+        .max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let angles = || rows.iter().map(|row| TAU * strongest.0 * row.time_s);
+    Some(Family {
+        over: "time, as a vibration",
+        columns: vec![angles().map(f64::sin).collect(), angles().map(f64::cos).collect()],
+        tried: tried as f64,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hats_sum_to_one_and_follow_a_line() {
+        let values: Vec<f64> = (0..100).map(|k| f64::from(k) * 0.1).collect();
+        let hats = hats(&values, 5);
+        for k in 0..100 {
+            let sum: f64 = hats.iter().map(|hat| hat[k]).sum();
+            assert!((sum - 1.0).abs() < 1e-12, "{k}: {sum}");
+        }
+    }
+
+    #[test]
+    fn noise_is_worth_nothing_and_a_shape_its_size() {
+        let information = DMatrix::identity(4, 4) * 100.0;
+        let none = evidence_nats(information.clone(), &DVector::from_element(4, 10.0), 1.0);
+        assert!(none.abs() < 1.0, "{none}");
+        let vector = DVector::from_element(4, 100.0);
+        let there = evidence_nats(information, &vector, 1.0);
+        // half the square taken off, less what four free values cost
+        assert!((150.0..200.0).contains(&there), "{there}");
+    }
+}
