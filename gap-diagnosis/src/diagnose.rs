@@ -10,9 +10,12 @@ use robot::{Effect, Robot};
 
 use crate::control;
 use crate::data::Checked;
+use crate::evidence::{Remains, beyond_twin};
 use crate::explain::{Explanation, Step, explain};
 use crate::hypothesis::{self, Scale, Stage};
 use crate::judge;
+use crate::known::Known;
+use crate::mend;
 use crate::observe::Channel;
 use crate::place;
 use crate::report::{
@@ -127,6 +130,22 @@ pub fn diagnose(
             .map(|(joint, why)| insufficient(&joint.name, why.unwrap_or_default()))
             .collect();
     } else {
+        let counted: Vec<Vec<Found>> = robot
+            .joints
+            .iter()
+            .enumerate()
+            .map(|(index, joint)| match &against[index] {
+                None => samples::find(&tables, joint, delay_cycles(robot)),
+                Some(_) => Vec::new(),
+            })
+            .collect();
+        let mended = mend::recordings(&tables, robot, &counted);
+        let tables = match &mended {
+            Some(mended) => mended.iter().collect(),
+            None => tables,
+        };
+        let mended = mend::robot(robot, &counted);
+        let robot = &mended;
         let stretches = stretches(&tables, robot)?;
         let twins = robot
             .joints
@@ -139,15 +158,6 @@ pub fn diagnose(
                 JointTwin::new(robot, index, &stretches)
             })
             .collect::<Result<Vec<_>, FilterError>>()?;
-        let counted: Vec<Vec<Found>> = robot
-            .joints
-            .iter()
-            .enumerate()
-            .map(|(index, joint)| match &against[index] {
-                None => samples::find(&tables, joint, delay_cycles(robot)),
-                Some(_) => Vec::new(),
-            })
-            .collect();
         let (joints, shared) = searched(&twins, &counted, progress)?;
         for (index, joint) in joints.iter().enumerate() {
             let name = &robot.joints[index].name;
@@ -321,10 +331,9 @@ impl Told<'_> {
         let confusable = self.confusable();
         let verdict = self.verdict(&effects, &confusable);
         let has_gap = verdict != Verdict::NoGap;
-        let remaining = if self.last().probabilities[0].effect == "none" {
-            Remaining::White
-        } else {
-            Remaining::Structured
+        let remaining = match self.explanation.remains() {
+            Remains::Nothing => Remaining::White,
+            Remains::Something | Remains::Most => Remaining::Structured,
         };
         if !has_gap {
             (gap.shrink, gap.shrink_low, gap.shrink_high) = (0.0, 0.0, 0.0);
@@ -343,8 +352,7 @@ impl Told<'_> {
     }
 
     fn last(&self) -> &Step {
-        // an explanation has at least the step that added nothing
-        &self.explanation.rounds[self.explanation.rounds.len() - 1]
+        self.explanation.last()
     }
 
     fn added(&self) -> impl Iterator<Item = &Step> {
@@ -385,7 +393,8 @@ impl Told<'_> {
         } else {
             steps
         };
-        let mut sums: BTreeMap<&str, f64> = BTreeMap::new();
+        let unknown = self.explanation.unknown_probability();
+        let mut sums: BTreeMap<&str, f64> = BTreeMap::from([("unknown", unknown)]);
         let rest = if self.counted.is_empty() && self.shared.is_empty() {
             1.0
         } else if steps.len() == 1 && steps[0].probabilities[0].effect == "none" {
@@ -394,8 +403,9 @@ impl Told<'_> {
             0.5
         };
         for step in &steps {
+            let share = rest * (1.0 - unknown) / steps.len() as f64;
             for p in &step.probabilities {
-                *sums.entry(p.effect).or_default() += rest * p.probability / steps.len() as f64;
+                *sums.entry(p.effect).or_default() += share * p.probability;
             }
         }
         let beside = self.counted.len() + self.shared.len();
@@ -464,9 +474,37 @@ impl Told<'_> {
                 }
             }
         }
+        all.extend(self.imitated_by_known());
         all.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         all.truncate(PAIRS_MAX);
         all
+    }
+
+    /// Effects that known values could imitate if they were off by more than their tolerance.
+    fn imitated_by_known(&self) -> Vec<Confusable> {
+        let mut found = Vec::new();
+        for step in self.added() {
+            let ranking = &step.round.ranking;
+            let own = step.standings.effects.iter().find(|(index, _)| {
+                Some(ranking.scored[*index].hypothesis.effect) == step.added
+            });
+            let Some((own, _)) = own else { continue };
+            let (distance, known) = step
+                .round
+                .distance_from_known(&ranking.scored[*own], &self.search.twin.known);
+            let Some(other) = known.and_then(Known::effect) else {
+                continue;
+            };
+            if distance < DISTANCE_MIN {
+                found.push(Confusable {
+                    effects: [ranking.scored[*own].hypothesis.effect, other].map(str::to_owned),
+                    distance,
+                    reason: "known values off by more than their tolerance would look the same"
+                        .to_owned(),
+                });
+            }
+        }
+        found
     }
 
     fn why(&self, pair: [&str; 2]) -> String {
@@ -490,15 +528,15 @@ impl Told<'_> {
     }
 
     fn verdict(&self, effects: &[NamedEffect], confusable: &[Confusable]) -> Verdict {
-        let left = self.last().probabilities[0].effect;
+        let remains = self.explanation.remains();
         if effects.is_empty() && self.shared.is_empty() {
-            return match left {
-                "none" => Verdict::NoGap,
-                "unknown" => Verdict::Unexplained,
-                _ => Verdict::Ambiguous,
+            return match (remains, self.last().probabilities[0].effect) {
+                (Remains::Nothing, "none") => Verdict::NoGap,
+                (Remains::Nothing, _) => Verdict::Ambiguous,
+                _ => Verdict::Unexplained,
             };
         }
-        if left == "unknown" {
+        if remains != Remains::Nothing {
             Verdict::PartlyExplained
         } else if confusable.iter().any(|pair| pair.distance < DISTANCE_MIN)
             || effects.iter().any(|effect| effect.probability < 0.5)
@@ -530,14 +568,15 @@ impl Told<'_> {
                 torque.before
             ),
             Verdict::Unexplained => {
-                format!("a gap that no candidate accounts for: {sizes}")
+                format!("a gap that no candidate accounts for: {sizes}; a torque {}", self.left_over())
             }
             Verdict::Ambiguous => format!(
                 "{} or what it is confused with: {sizes}",
                 names.join(" and ")
             ),
             Verdict::PartlyExplained => {
-                format!("{} and something else: {sizes}", names.join(" and "))
+                let named = names.join(" and ");
+                format!("{named} and something else: {sizes}; a torque {} is left", self.left_over())
             }
             Verdict::Explained | Verdict::InsufficientData => {
                 format!("{}: {sizes}", names.join(" and "))
@@ -548,6 +587,14 @@ impl Told<'_> {
             reason.push_str(because);
         }
         reason
+    }
+
+    /// Over what a torque of no named law lies.
+    fn left_over(&self) -> String {
+        beyond_twin(&self.last().structure).map_or_else(
+            || "of no shape".to_owned(),
+            |(over, _)| format!("over {over}"),
+        )
     }
 
     fn place(

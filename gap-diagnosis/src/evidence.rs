@@ -2,8 +2,8 @@
 //!
 //! Evidence is counted in nats: half the squared error that an explanation takes off blocks it was not fitted to, in
 //! units of noise and twin error, and half the squared deviations it spares the known values. It is tempered, because
-//! errors of a twin are not as independent as noise. `none` stands at zero. `unknown` takes off everything above what a
-//! good explanation leaves, but pays a part of it for having nothing to say.
+//! errors of a twin are not as independent as noise. `none` stands at zero. Whether something is left that no effect of
+//! the list explains is told by torques of no named law ([`crate::shapes`]).
 
 use crate::search::{Ranking, Scored};
 
@@ -13,14 +13,20 @@ const TEMPER: f64 = 0.5;
 const NAMING: f64 = 6.0;
 /// What each fitted value costs beyond the first.
 const VALUE: f64 = 1.5;
+/// What an effect costs beside that whose cycles are the best of very many.
+const AMONG_MANY: f64 = 4.0;
 /// What an effect costs beside that which shows at reversals, where friction before it slips is nobody's law.
 const AT_REVERSALS: f64 = 14.0;
-/// Mean squared whitened residual that a good explanation leaves.
-const LEFT: f64 = 1.0;
-/// What `unknown` costs at least.
-const UNKNOWN: f64 = 10.0;
-/// Part of the gap's evidence that `unknown` pays.
-const UNKNOWN_PART: f64 = 0.25;
+/// What torques of no named law are worth in a good twin: over velocity, acceleration and travel since a reversal its
+/// friction is another's law, over anything else it is as the robot.
+const TWINS_FRICTION: f64 = 60.0;
+const TWINS_REST: f64 = 15.0;
+/// Part of what the named effects are worth that may be left in such torques: no law is exact.
+const INEXACT: f64 = 0.05;
+/// Left beyond this part, the named effects only imitate something else.
+const IMITATION: f64 = 0.5;
+/// Nats over which an opinion about what is left turns.
+const TURNS_NATS: f64 = 8.0;
 
 /// What an explanation is worth that explains nothing.
 const NOTHING: f64 = -1e9;
@@ -30,11 +36,9 @@ const NOTHING: f64 = -1e9;
 pub struct Standings {
     /// The best variant of each effect, best first: index into the ranking, and its nats.
     pub effects: Vec<(usize, f64)>,
-    /// Of `unknown`.
-    pub unknown_nats: f64,
 }
 
-/// Probability of an effect, `none` or `unknown`.
+/// Probability of an effect or of none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probability {
     /// Identifier.
@@ -67,7 +71,14 @@ fn worth(scored: &Scored, gain: f64) -> f64 {
         scored.hypothesis.effect,
         "stribeck_friction" | "structural_damping" | "torsional_hysteresis"
     );
-    let nats = tempered_nats(gain, values) - if at_reversals { AT_REVERSALS } else { 0.0 };
+    let beside = if at_reversals {
+        AT_REVERSALS
+    } else if scored.hypothesis.is_periodic() {
+        AMONG_MANY
+    } else {
+        0.0
+    };
+    let nats = tempered_nats(gain, values) - beside;
     // a response that is no number explains nothing
     if nats.is_finite() { nats } else { NOTHING }
 }
@@ -75,12 +86,6 @@ fn worth(scored: &Scored, gain: f64) -> f64 {
 /// What taking so much off squares and strain is worth, for an effect with so many values.
 pub fn tempered_nats(gain: f64, values: usize) -> f64 {
     TEMPER * 0.5 * gain - NAMING - VALUE * values.saturating_sub(1) as f64
-}
-
-fn unknown_nats(ranking: &Ranking, without: f64, variance: f64) -> f64 {
-    let gap = without - LEFT * ranking.rows as f64;
-    let gap_nats = TEMPER * 0.5 * gap.max(0.0) / variance;
-    (1.0 - UNKNOWN_PART) * gap_nats - UNKNOWN - NAMING
 }
 
 /// What every effect is worth.
@@ -103,14 +108,7 @@ pub fn standings(ranking: &Ranking) -> Standings {
             effects.push((index, nats));
         }
     }
-    Standings {
-        effects,
-        unknown_nats: unknown_nats(
-            ranking,
-            ranking.none.total() + ranking.none_strain,
-            variance,
-        ),
-    }
+    Standings { effects }
 }
 
 impl Standings {
@@ -127,7 +125,6 @@ impl Standings {
         for (_, nats) in &mut self.effects {
             *nats = nats.min(-NAMING);
         }
-        self.unknown_nats = self.unknown_nats.min(-UNKNOWN);
     }
 
     /// Corrects the nats by what simulated fits leave of squares and strain, without an effect and with each of these:
@@ -152,16 +149,15 @@ impl Standings {
             };
         }
         self.effects.sort_by(|a, b| b.1.total_cmp(&a.1));
-        self.unknown_nats = unknown_nats(ranking, without, variance);
     }
 
-    /// Of each effect, `none` and `unknown`; most probable first.
+    /// Of each effect and `none`; most probable first.
     pub fn probabilities(&self, ranking: &Ranking) -> Vec<Probability> {
         let mut all: Vec<(&'static str, f64)> = self
             .effects
             .iter()
             .map(|(index, nats)| (ranking.scored[*index].hypothesis.effect, *nats))
-            .chain([("none", 0.0), ("unknown", self.unknown_nats)])
+            .chain([("none", 0.0)])
             .collect();
         all.sort_by(|a, b| b.1.total_cmp(&a.1));
         let most = all[0].1;
@@ -173,4 +169,52 @@ impl Standings {
             })
             .collect()
     }
+}
+
+/// Whether a torque of no named law is left beside what is named.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Remains {
+    /// Nothing beyond what a twin gets wrong.
+    Nothing,
+    /// Something, small beside what is named.
+    Something,
+    /// So much that what is named only imitates it.
+    Most,
+}
+
+/// What torques of no named law are worth beyond a good twin's: the variable, and nats.
+pub fn beyond_twin(structure: &[(&'static str, f64)]) -> Option<(&'static str, f64)> {
+    structure
+        .iter()
+        .map(|&(over, nats)| {
+            let friction = matches!(
+                over,
+                "velocity" | "acceleration" | "jerk" | "travel since the last reversal"
+            );
+            let allowed = if friction { TWINS_FRICTION } else { TWINS_REST };
+            (over, nats - allowed)
+        })
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// What remains beside effects that are worth so many (tempered) nats.
+pub fn remains(structure: &[(&'static str, f64)], named_nats: f64) -> Remains {
+    let left_nats = beyond_twin(structure).map_or(0.0, |(_, nats)| nats);
+    let named_nats = named_nats.max(0.0) / TEMPER;
+    if left_nats <= INEXACT * named_nats {
+        Remains::Nothing
+    } else if left_nats <= IMITATION * named_nats {
+        Remains::Something
+    } else {
+        Remains::Most
+    }
+}
+
+/// Probability that the cause is on no list.
+pub fn unknown_probability(structure: &[(&'static str, f64)], named_nats: f64) -> f64 {
+    let left_nats = beyond_twin(structure).map_or(0.0, |(_, nats)| nats);
+    let named_nats = named_nats.max(0.0) / TEMPER;
+    let is_left = 1.0 / (1.0 + ((INEXACT * named_nats - left_nats) / TURNS_NATS).exp());
+    let left_nats = left_nats.max(0.0);
+    is_left * left_nats / (left_nats + named_nats).max(1e-9)
 }

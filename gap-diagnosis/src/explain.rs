@@ -2,7 +2,7 @@
 
 use joint_model::filter::FilterError;
 
-use crate::evidence::{Probability, Standings, standings};
+use crate::evidence::{Probability, Remains, Standings, remains, standings, unknown_probability};
 use crate::judge::Squares;
 use crate::search::{Model, Refined, Round, Search, Term};
 
@@ -12,8 +12,9 @@ pub const EFFECTS_MAX: usize = 3;
 const REFITTED: usize = 4;
 /// Nats within which another effect is refitted too.
 const NEAR_NATS: f64 = 30.0;
-/// Nats that a second or third effect must be worth.
+/// Nats that a second or third effect must be worth, and part of the first one's: no law is exact.
 const FURTHER_NATS: f64 = 6.0;
+const FURTHER_PART: f64 = 0.02;
 
 /// What explains a joint's residual.
 #[derive(Clone, Debug)]
@@ -43,6 +44,8 @@ pub struct Step {
     pub left: Vec<(&'static str, f64)>,
     /// The leading effects, fitted by simulation, best first.
     refitted: Vec<Refitted>,
+    /// What the best of them is worth.
+    best_nats: f64,
 }
 
 /// An effect fitted by simulation.
@@ -56,9 +59,33 @@ struct Refitted {
 impl Explanation {
     /// Whether the data has a gap at all.
     pub fn has_gap(&self) -> bool {
-        self.rounds
-            .first()
-            .is_some_and(|step| step.probabilities[0].effect != "none")
+        self.remains() != Remains::Nothing
+            || self
+                .rounds
+                .first()
+                .is_some_and(|step| step.probabilities[0].effect != "none")
+    }
+
+    /// The step that added nothing more.
+    pub fn last(&self) -> &Step {
+        // an explanation has at least one step
+        &self.rounds[self.rounds.len() - 1]
+    }
+
+    /// What the effects that were added are worth.
+    pub fn named_nats(&self) -> f64 {
+        let added = self.rounds.iter().filter(|step| step.added.is_some());
+        added.map(|step| step.best_nats).sum()
+    }
+
+    /// Whether a torque of no named law is left.
+    pub fn remains(&self) -> Remains {
+        remains(&self.last().structure, self.named_nats())
+    }
+
+    /// Probability that the cause is on no list.
+    pub fn unknown_probability(&self) -> f64 {
+        unknown_probability(&self.last().structure, self.named_nats())
     }
 }
 
@@ -75,19 +102,21 @@ pub fn explain(search: &Search<'_>, settled: &[Term]) -> Result<Explanation, Fil
     let without = search.refine(&round, &start)?;
     let mut step = Step::new(search, round, &without)?;
     if !is_beyond_noise(search, &start)? {
-        step.refitted.clear();
-        step.standings.quiet();
-        step.probabilities = step.standings.probabilities(&step.round.ranking);
+        step.quiet();
     }
+    let first = step.clone();
     let mut refined = without.clone();
     let mut rounds = Vec::new();
     loop {
         let room = refined.model.terms.len() < settled.len() + EFFECTS_MAX;
-        let worth = if rounds.is_empty() { 0.0 } else { FURTHER_NATS };
-        let chosen =
-            step.refitted.first().cloned().filter(|best| {
-                room && best.nats >= worth && best.nats >= step.standings.unknown_nats
-            });
+        let worth = rounds
+            .first()
+            .map_or(0.0, |first: &Step| FURTHER_NATS.max(FURTHER_PART * first.best_nats));
+        let chosen = step
+            .refitted
+            .first()
+            .cloned()
+            .filter(|best| room && best.nats >= worth);
         let Some(best) = chosen else {
             rounds.push(step);
             break;
@@ -98,11 +127,20 @@ pub fn explain(search: &Search<'_>, settled: &[Term]) -> Result<Explanation, Fil
         rounds.push(std::mem::replace(&mut step, next));
         refined = best.refined;
     }
-    Ok(Explanation {
+    let explanation = Explanation {
         refined,
         without,
         rounds,
-    })
+    };
+    if explanation.named_nats() > 0.0 && explanation.remains() == Remains::Most {
+        // names that leave most of it would be wrong names
+        return Ok(Explanation {
+            refined: explanation.without.clone(),
+            without: explanation.without,
+            rounds: vec![first],
+        });
+    }
+    Ok(explanation)
 }
 
 /// Whether any channel shows more than noise and the twin's own errors.
@@ -160,6 +198,7 @@ impl Step {
             .map(|(index, left)| (round.ranking.scored[index].hypothesis.effect, left))
             .collect();
         Ok(Self {
+            best_nats: refitted.first().map_or(0.0, |best| best.nats),
             structure,
             left,
             probabilities: standings.probabilities(&round.ranking),
@@ -168,5 +207,13 @@ impl Step {
             refitted,
             added: None,
         })
+    }
+
+    /// Nothing beyond noise: no explanation is worth naming.
+    fn quiet(&mut self) {
+        self.refitted.clear();
+        self.structure.clear();
+        self.standings.quiet();
+        self.probabilities = self.standings.probabilities(&self.round.ranking);
     }
 }

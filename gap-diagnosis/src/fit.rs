@@ -340,8 +340,14 @@ impl Blocks {
     }
 
     /// How far one choice of columns is from being imitated by another: the least of `‖Σ a·x − Σ b·z‖²` over the
-    /// coefficients `b` of `others`, with `a` given.
-    pub fn distance(&self, chosen: &[usize], coefficients: &[f64], others: &[usize]) -> f64 {
+    /// coefficients `b` of `others`, with `a` given. What `is_free` has neither limits nor a prior.
+    pub fn distance(
+        &self,
+        chosen: &[usize],
+        coefficients: &[f64],
+        others: &[usize],
+        is_free: bool,
+    ) -> f64 {
         let mut imitated = self.all.clone();
         imitated.target = DVector::from_fn(self.bounds.len(), |i, _| {
             let products = chosen.iter().zip(coefficients);
@@ -352,7 +358,12 @@ impl Blocks {
             .zip(coefficients)
             .map(|(&j, a)| a * imitated.target[j])
             .sum();
-        let found = imitated.solve(others, &self.bounds);
+        let bounds = if is_free {
+            vec![Bound::FREE; self.bounds.len()]
+        } else {
+            self.bounds.clone()
+        };
+        let found = imitated.solve(others, &bounds);
         imitated.left(others, &found)
     }
 
@@ -413,6 +424,7 @@ mod tests {
                 load_nm: 0.0,
                 motor_angle_rad: 0.0,
                 inertial_nm: 0.0,
+                beating_nm: 0.0,
             })
             .collect()
     }
@@ -446,7 +458,7 @@ mod tests {
     #[test]
     fn a_column_is_imitated_by_itself_and_not_by_another() {
         let blocks = blocks(vec![Bound::FREE; 2]);
-        assert!(blocks.distance(&[0], &[2.0], &[0]) < 1e-6);
-        assert!(blocks.distance(&[0], &[2.0], &[1]) > 300.0);
+        assert!(blocks.distance(&[0], &[2.0], &[0], false) < 1e-6);
+        assert!(blocks.distance(&[0], &[2.0], &[1], true) > 300.0);
     }
 }

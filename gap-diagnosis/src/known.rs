@@ -23,7 +23,7 @@ const CREEP_RAD_S: f64 = 0.015;
 const PRESLIDING_LN: f64 = 1.0;
 
 /// A value of the robot file, or a property of every joint.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Known {
     /// Friction at rest, viscous slope, rise and its velocity, of the curve of one direction.
     Curve(usize, CurveValue),
@@ -61,6 +61,27 @@ pub enum Known {
     Rounding,
     /// How much less friction there is in creeping motion, where bristles have not all bent: joint-side torque.
     Creep,
+}
+
+impl Known {
+    /// The effect that a change of the value would be called; none for what no effect is made of.
+    pub fn effect(self) -> Option<&'static str> {
+        match self {
+            Self::Curve(_, CurveValue::Rest) | Self::Coulomb => Some("coulomb_friction"),
+            Self::Curve(_, CurveValue::Slope) | Self::Viscous => Some("viscous_friction"),
+            Self::Curve(..) | Self::Stribeck(_) | Self::StribeckVelocity(_) => {
+                Some("stribeck_friction")
+            }
+            Self::LoadTorque(_) | Self::LoadDependent => Some("load_dependent_friction"),
+            Self::Lookup | Self::Periodic(_) => Some("position_dependent_friction"),
+            Self::Quadratic => Some("quadratic_friction"),
+            Self::Asymmetric => Some("asymmetric_friction"),
+            Self::Stiffness => Some("torsional_compliance"),
+            Self::RotorInertia => Some("rotor_inertia"),
+            Self::Mass(_) => Some("payload"),
+            Self::Presliding | Self::Lag | Self::Rounding | Self::Creep => None,
+        }
+    }
 }
 
 /// A column of a friction curve.

@@ -12,6 +12,7 @@ pub mod joint;
 pub mod judge;
 pub mod known;
 pub mod load;
+pub mod mend;
 pub mod observe;
 pub mod place;
 pub mod report;

@@ -11,10 +11,11 @@ use rayon::prelude::*;
 use robot::Effect;
 
 use crate::fit::{Blocks, Bound, HeldOut, block_of};
+use crate::known::{Known, KnownValue};
 use crate::hypothesis::{Hypothesis, Scale, periodic, plain};
 use crate::observe::Channel;
 use crate::shapes::{evidence_nats, families, on_sides};
-use crate::spectrum::peaks;
+use crate::spectrum::{Beside, peaks};
 use crate::twin::{Changes, JointTwin, Row};
 use crate::whiten::{Floor, Whitener};
 
@@ -27,6 +28,8 @@ const TWIN_SLOW: f64 = 0.006;
 const TWIN_SLOW_S: f64 = 0.15;
 /// Standard deviations that a known value may move: beyond that it is a finding.
 const TOLERANCE: f64 = 3.0;
+/// No effect is larger than some of these steps: keeps what the motion does not excite from taking any value.
+const PLAUSIBLE_STEPS: f64 = 1000.0;
 /// Gauss-Newton steps.
 const STEPS: usize = 4;
 /// Peaks over the motor angle that are tried.
@@ -148,7 +151,31 @@ impl Round {
             .chain(other.columns.clone())
             .collect();
         let chosen: Vec<usize> = one.columns.clone().collect();
-        self.blocks.distance(&chosen, &one.amplitudes, &others)
+        self.blocks
+            .distance(&chosen, &one.amplitudes, &others, false)
+    }
+
+    /// `d²` of a hypothesis, as fitted, from known values that are off by any amount, but for those it is itself a change
+    /// of; and the one of them that it cannot do without.
+    pub fn distance_from_known(&self, one: &Scored, known: &[KnownValue]) -> (f64, Option<Known>) {
+        let chosen: Vec<usize> = one.columns.clone().collect();
+        let others: Vec<usize> = (0..known.len())
+            .filter(|k| known[*k].known.effect() != Some(one.hypothesis.effect))
+            .collect();
+        let away = |others: &[usize]| {
+            self.blocks
+                .distance(&chosen, &one.amplitudes, others, true)
+        };
+        let all = away(&others);
+        let needed = others
+            .iter()
+            .map(|without| {
+                let rest: Vec<usize> = others.iter().copied().filter(|k| k != without).collect();
+                (away(&rest), known[*without].known)
+            })
+            .filter(|(_, known)| known.effect().is_some())
+            .max_by(|a, b| a.0.total_cmp(&b.0));
+        (all, needed.map(|(_, known)| known))
     }
 
     /// What this joint says about a hypothesis whose amplitudes several joints share: information matrix and vector,
@@ -270,10 +297,14 @@ impl<'a> Search<'a> {
     }
 
     fn hypothesis_bound(hypothesis: &Hypothesis) -> Bound {
-        if hypothesis.is_positive() {
+        let bound = if hypothesis.is_positive() {
             Bound::POSITIVE
         } else {
             Bound::FREE
+        };
+        Bound {
+            precision: PLAUSIBLE_STEPS.powi(-2),
+            ..bound
         }
     }
 
@@ -340,8 +371,8 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    /// Periodic effects at the cycles at which a residual repeats.
-    fn periodic_hypotheses(&self, residual_nm: &[f64], linear: &Linear) -> Vec<Hypothesis> {
+    /// Periodic effects at the cycles at which a residual repeats, over what known values leave.
+    fn periodic_hypotheses(&self, linear: &Linear) -> Vec<Hypothesis> {
         let mut cycles: Vec<f64> = linear
             .hypotheses
             .iter()
@@ -349,15 +380,36 @@ impl<'a> Search<'a> {
             .map(|(hypothesis, _)| hypothesis.shape[0])
             .collect();
         let there = cycles.len();
+        let rows = &self.twin.rows;
+        let known: Vec<Vec<f64>> = linear
+            .known
+            .par_iter()
+            .map(|column| self.whitener.apply(column))
+            .collect();
+        let target = self.whitener.apply(&linear.residual_nm);
+        let beside = Beside::new(&known, &target);
         for channel in [Channel::Motor, Channel::Torsion] {
-            let of_channel: Vec<usize> = (0..self.twin.rows.len())
-                .filter(|k| self.twin.rows[*k].channel == channel)
-                .collect();
-            let rows: Vec<&Row> = of_channel.iter().map(|k| &self.twin.rows[*k]).collect();
-            let values: Vec<f64> = of_channel.iter().map(|k| residual_nm[*k]).collect();
+            let (whitener, places) = self.whitener.only(rows, channel);
+            let beside = beside.only(&places);
+            let of_channel: Vec<&Row> = places.iter().map(|k| &rows[*k]).collect();
             for with_direction in [false, true] {
-                for peak in peaks(&rows, &values, with_direction, PEAKS) {
-                    let found = peak.cycles_per_motor_rev;
+                let wave = |of: fn(f64) -> f64, cycles: f64| -> Vec<f64> {
+                    let column: Vec<f64> = of_channel
+                        .iter()
+                        .map(|row| {
+                            let value = of(cycles * row.motor_angle_rad);
+                            if with_direction {
+                                value * row.velocity_rad_s.signum()
+                            } else {
+                                value
+                            }
+                        })
+                        .collect();
+                    whitener.apply(&column)
+                };
+                let gain =
+                    |cycles: f64| beside.gain(&wave(f64::sin, cycles), &wave(f64::cos, cycles));
+                for found in peaks(&of_channel, gain, PEAKS) {
                     if !cycles
                         .iter()
                         .any(|known| (known / found - 1.0).abs() < 0.01)
@@ -384,8 +436,7 @@ impl<'a> Search<'a> {
             known,
             hypotheses: self.columns(&base, &model, self.hypotheses.clone())?,
         };
-        let left = self.left(&linear);
-        let periodic = self.periodic_hypotheses(&left, &linear);
+        let periodic = self.periodic_hypotheses(&linear);
         linear
             .hypotheses
             .extend(self.columns(&base, &model, periodic)?);
@@ -403,7 +454,7 @@ impl<'a> Search<'a> {
         let base = self.twin.simulated(&model.changes(&self.scale), None)?;
         let mut linear = before.linear.clone();
         linear.residual_nm = difference(&self.measured_nm, &base);
-        let periodic = self.periodic_hypotheses(&linear.residual_nm, &linear);
+        let periodic = self.periodic_hypotheses(&linear);
         linear
             .hypotheses
             .extend(self.columns(&base, &model, periodic)?);
@@ -426,26 +477,6 @@ impl<'a> Search<'a> {
             linear,
             blocks,
         }
-    }
-
-    /// What known values leave of the residual.
-    fn left(&self, linear: &Linear) -> Vec<f64> {
-        let white: Vec<Vec<f64>> = linear
-            .known
-            .par_iter()
-            .map(|column| self.whitener.apply(column))
-            .collect();
-        let target = self.whitener.apply(&linear.residual_nm);
-        let blocks = Blocks::new(&white, &target, self.bounds(), &self.twin.rows);
-        let all: Vec<usize> = (0..white.len()).collect();
-        let fit = blocks.fit(&all);
-        let mut left = linear.residual_nm.clone();
-        for (column, coefficient) in linear.known.iter().zip(&fit.coefficients) {
-            for (value, x) in left.iter_mut().zip(column.iter()) {
-                *value -= coefficient * x;
-            }
-        }
-        left
     }
 
     fn scored(&self, model: &Model, linear: &Linear) -> (Ranking, Blocks) {
@@ -637,9 +668,9 @@ impl<'a> Search<'a> {
                 };
                 bounds.push(Bound {
                     range: [low, f64::INFINITY],
-                    precision: 0.0,
+                    precision: PLAUSIBLE_STEPS.powi(-2),
                 });
-                prior_means.push(0.0);
+                prior_means.push(-term.amplitudes[a]);
             }
             if term.hypothesis.shape_is_free() {
                 let shape = term.hypothesis.shape[0];

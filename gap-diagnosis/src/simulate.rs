@@ -104,6 +104,10 @@ pub fn simulate(
     let samples = drive.motor_rad.len();
     let mut trace = Trace::with_capacity(samples);
     let mut joint = State::at_start(model, drive, load);
+    if let Some(noise) = noise.as_deref_mut() {
+        // nobody knows where an encoder's steps lie
+        joint.rounding = [noise.uniform(), noise.uniform()];
+    }
     let mut loop_ = Loop::new(feedback);
     let substeps = (drive.period_s / SUBSTEP_S).ceil().max(1.0) as usize;
     let step_s = drive.period_s / substeps as f64;
@@ -245,6 +249,8 @@ struct State {
     /// How far friction has bent before it slips.
     bent_rad: f64,
     hysteresis_nm: f64,
+    /// Where the encoders' steps lie, as parts of one: motor's and link's.
+    rounding: [f64; 2],
     commands_nm: [f64; HISTORY],
     seen: [[f64; 5]; HISTORY],
     newest: usize,
@@ -271,6 +277,7 @@ impl State {
             joint_torque_nm: load_nm,
             bent_rad: 0.0,
             hysteresis_nm: 0.0,
+            rounding: [0.0; 2],
             commands_nm: [command_nm; HISTORY],
             seen: [[motor_rad, link_rad, command_nm, load_nm, 0.0]; HISTORY],
             newest: 0,
@@ -298,10 +305,10 @@ impl State {
         let Some(noise) = noise else {
             return shown;
         };
-        let noisy = |value: f64, deviation: f64, step: f64, normal: f64| {
+        let noisy = |value: f64, deviation: f64, step: f64, place: f64, normal: f64| {
             let value = value + deviation * normal;
             if step > 0.0 {
-                (value / step).round() * step
+                ((value / step + place).round() - place) * step
             } else {
                 value
             }
@@ -312,12 +319,14 @@ impl State {
                 shown.motor_rad,
                 model.position_noise_rad / ratio,
                 model.motor_resolution_rad / ratio,
+                self.rounding[0],
                 noise.normal(),
             ),
             link_rad: noisy(
                 shown.link_rad,
                 model.position_noise_rad,
                 model.link_resolution_rad,
+                self.rounding[1],
                 noise.normal(),
             ),
             torque_nm: shown.torque_nm + ratio * model.torque_noise_nm * noise.normal(),

@@ -2,6 +2,9 @@
 
 use std::f64::consts::TAU;
 
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rayon::prelude::*;
+
 use crate::twin::Row;
 
 /// Fewest and most cycles per motor turn that are looked for.
@@ -11,20 +14,62 @@ const PERIODS_MIN: f64 = 2.0;
 /// Steps between two numbers of cycles that the range can tell apart.
 const OVERSAMPLING: f64 = 3.0;
 /// The most numbers of cycles that are tried.
-const TRIED_MAX: usize = 2000;
+const TRIED_MAX: usize = 1500;
 
-/// A peak over the angle.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Peak {
-    /// Per motor turn.
-    pub cycles_per_motor_rev: f64,
-    /// Part of the residual's square that it explains.
-    pub share: f64,
+/// What two waves take off a target's squares beside columns that are fitted with them, each held by a normal prior of
+/// variance 1.
+pub struct Beside {
+    known: DMatrix<f64>,
+    information: Option<Cholesky<f64, Dyn>>,
+    left: DVector<f64>,
 }
 
-/// The highest peaks of a residual over the motor angle, one channel's rows; `sign` turns friction into a function of
-/// the angle.
-pub fn peaks(rows: &[&Row], residual_nm: &[f64], with_direction: bool, count: usize) -> Vec<Peak> {
+impl Beside {
+    /// From whitened columns and target.
+    pub fn new(known: &[Vec<f64>], target: &[f64]) -> Self {
+        let known = DMatrix::from_fn(target.len(), known.len(), |row, k| known[k][row]);
+        let target = DVector::from_column_slice(target);
+        let own = known.tr_mul(&known) + DMatrix::identity(known.ncols(), known.ncols());
+        let information = own.cholesky();
+        let left = match &information {
+            Some(own) => &target - &known * own.solve(&known.tr_mul(&target)),
+            None => target,
+        };
+        Self {
+            known,
+            information,
+            left,
+        }
+    }
+
+    /// The same for columns that are zero but at these rows.
+    #[must_use]
+    pub fn only(&self, places: &[usize]) -> Self {
+        Self {
+            known: self.known.select_rows(places),
+            information: self.information.clone(),
+            left: self.left.select_rows(places),
+        }
+    }
+
+    /// By how much two columns lessen the squares.
+    pub fn gain(&self, a: &[f64], b: &[f64]) -> f64 {
+        let pair = DMatrix::from_fn(a.len(), 2, |row, k| if k == 0 { a[row] } else { b[row] });
+        let between = self.known.tr_mul(&pair);
+        let vector = pair.tr_mul(&self.left);
+        let mut matrix = pair.tr_mul(&pair);
+        if let Some(own) = &self.information {
+            matrix -= between.transpose() * own.solve(&between);
+        }
+        matrix += DMatrix::identity(2, 2) * (1e-9 * matrix.trace() + 1e-12);
+        matrix
+            .cholesky()
+            .map_or(0.0, |matrix| vector.dot(&matrix.solve(&vector)))
+    }
+}
+
+/// Cycles per motor turn at which a gain peaks, the highest first, as far as the rows' range of angles tells them apart.
+pub fn peaks(rows: &[&Row], gain: impl Fn(f64) -> f64 + Sync, count: usize) -> Vec<f64> {
     let angles = || rows.iter().map(|row| row.motor_angle_rad);
     let (low, high) = angles().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
         (low.min(x), high.max(x))
@@ -36,50 +81,21 @@ pub fn peaks(rows: &[&Row], residual_nm: &[f64], with_direction: bool, count: us
     if lowest >= CYCLES[1] || rows.len() < 20 {
         return Vec::new();
     }
-    let values: Vec<f64> = rows
-        .iter()
-        .zip(residual_nm)
-        .map(|(row, value)| {
-            if with_direction {
-                value * row.velocity_rad_s.signum()
-            } else {
-                *value
-            }
-        })
-        .collect();
-    let mean = values.iter().sum::<f64>() / values.len() as f64;
-    let total: f64 = values
-        .iter()
-        .map(|x| (x - mean).powi(2))
-        .sum::<f64>()
-        .max(1e-300);
     let tried = ((CYCLES[1] - lowest) / step) as usize + 1;
-    let power: Vec<f64> = (0..tried)
-        .map(|k| {
-            let cycles = lowest + k as f64 * step;
-            let (mut sin_sum, mut cos_sum) = (0.0, 0.0);
-            for (row, value) in rows.iter().zip(&values) {
-                let (sin, cos) = (cycles * row.motor_angle_rad).sin_cos();
-                sin_sum += sin * (value - mean);
-                cos_sum += cos * (value - mean);
-            }
-            2.0 * (sin_sum * sin_sum + cos_sum * cos_sum) / (rows.len() as f64 * total)
-        })
+    let gains: Vec<f64> = (0..tried)
+        .into_par_iter()
+        .map(|k| gain(lowest + k as f64 * step))
         .collect();
-    let mut found: Vec<Peak> = (0..tried)
+    let mut found: Vec<(f64, f64)> = (0..tried)
         .filter(|&k| {
-            let before = k.checked_sub(1).map_or(0.0, |k| power[k]);
-            let after = power.get(k + 1).copied().unwrap_or(0.0);
-            power[k] > before && power[k] >= after
+            let before = k.checked_sub(1).map_or(0.0, |k| gains[k]);
+            let after = gains.get(k + 1).copied().unwrap_or(0.0);
+            gains[k] > before && gains[k] >= after
         })
-        .map(|k| Peak {
-            cycles_per_motor_rev: settled(lowest + k as f64 * step, turns),
-            share: power[k],
-        })
+        .map(|k| (settled(lowest + k as f64 * step, turns), gains[k]))
         .collect();
-    found.sort_by(|a, b| b.share.total_cmp(&a.share));
-    found.truncate(count);
-    found
+    found.sort_by(|a, b| b.1.total_cmp(&a.1));
+    found.into_iter().take(count).map(|(cycles, _)| cycles).collect()
 }
 
 /// What repeats with a shaft repeats a whole number of times: taken where the range cannot tell it from the peak.
@@ -112,16 +128,22 @@ mod tests {
                     load_nm: 0.0,
                     motor_angle_rad: 30.0 * t.sin(),
                     inertial_nm: 0.0,
+                    beating_nm: 0.0,
                 }
             })
             .collect();
-        let residual: Vec<f64> = rows
+        let wave = |of: fn(f64) -> f64, cycles: f64| -> Vec<f64> {
+            let angles = rows.iter().map(|row| cycles * row.motor_angle_rad);
+            angles.map(of).collect()
+        };
+        let known = wave(|x| x, 1.0);
+        let target: Vec<f64> = rows
             .iter()
-            .map(|row| (2.0 * row.motor_angle_rad + 0.4).sin())
+            .map(|row| (2.0 * row.motor_angle_rad + 0.4).sin() + 3.0 * row.motor_angle_rad)
             .collect();
+        let beside = Beside::new(&[known], &target);
         let all: Vec<&Row> = rows.iter().collect();
-        let found = peaks(&all, &residual, false, 2);
-        assert_eq!(found[0].cycles_per_motor_rev, 2.0);
-        assert!(found[0].share > 0.9, "{found:?}");
+        let gain = |cycles: f64| beside.gain(&wave(f64::sin, cycles), &wave(f64::cos, cycles));
+        assert_eq!(peaks(&all, gain, 2)[0], 2.0);
     }
 }

@@ -45,6 +45,8 @@ pub struct Row {
     pub motor_angle_rad: f64,
     /// Largest torque that accelerates rotor and link, and of the other joints' motion, within what the low-pass sees.
     pub inertial_nm: f64,
+    /// What rounding of the encoders adds where it beats with the samples: no noise that differs from sample to sample.
+    pub beating_nm: f64,
 }
 
 /// How a joint is said to differ from its robot file.
@@ -331,6 +333,42 @@ impl<'a> Piece<'a> {
     }
 }
 
+/// Harmonics of an encoder's rounding that are looked at for beats.
+const BEATS: i32 = 8;
+/// Speeds this near to a beat count as on it.
+const NEAR_BEAT: f64 = 0.01;
+
+/// An encoder's rounding at a speed.
+struct Rounding {
+    step_rad: f64,
+    noise_rad: f64,
+    steps_hz: f64,
+}
+
+impl Rounding {
+    /// What is left of it, root mean square, below a cut-off: sampling aliases its harmonics to anywhere, and near whole
+    /// numbers of steps in a sample to nearly nothing. Noise blurs it.
+    fn beating_rad(&self, rate_hz: f64, cutoff_hz: f64) -> f64 {
+        if !(self.step_rad > 0.0) {
+            return 0.0;
+        }
+        let square: f64 = (1..=BEATS)
+            .map(|harmonic| {
+                let harmonic = f64::from(harmonic);
+                let hz = harmonic * self.steps_hz;
+                let aliased_hz = (hz - (hz / rate_hz).round() * rate_hz).abs();
+                if aliased_hz > cutoff_hz + NEAR_BEAT * hz {
+                    return 0.0;
+                }
+                let angle = std::f64::consts::TAU * harmonic * self.noise_rad / self.step_rad;
+                let amplitude_rad = self.step_rad / (std::f64::consts::PI * harmonic);
+                0.5 * (amplitude_rad * (-0.5 * angle * angle).exp()).powi(2)
+            })
+            .sum();
+        square.sqrt()
+    }
+}
+
 fn largest_around(values: &[f64], k: usize, around: usize) -> f64 {
     values[k.saturating_sub(around)..(k + around + 1).min(values.len())]
         .iter()
@@ -354,6 +392,33 @@ fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointModel) -> Vec
                 inertia_kg_m2 * acceleration_rad_s2.abs() + coupling_nm.abs()
             })
             .collect();
+        let beating = |channel: Channel, k: usize| {
+            let velocity_rad_s = load.velocity_rad_s[k];
+            let of = |step_rad: f64, noise_rad: f64| {
+                let rounding = Rounding {
+                    step_rad,
+                    noise_rad,
+                    steps_hz: velocity_rad_s.abs() / step_rad,
+                };
+                rounding.beating_rad(1.0 / drive.period_s, piece.band.cutoff_hz)
+            };
+            let ratio = nominal.gear_ratio;
+            let noise_rad = nominal.position_noise_rad;
+            let motor_rad = of(nominal.motor_resolution_rad / ratio, noise_rad / ratio);
+            let link_rad = of(nominal.link_resolution_rad, noise_rad);
+            match channel {
+                Channel::Torsion => {
+                    nominal.stiffness_nm_rad * motor_rad.hypot(link_rad)
+                }
+                Channel::Motor | Channel::Link => {
+                    let bandwidth_rad_s = std::f64::consts::TAU * piece.band.cutoff_hz;
+                    (nominal.rotor_inertia_kg_m2 + load.inertia_kg_m2[k])
+                        * bandwidth_rad_s.powi(2)
+                        * motor_rad
+                }
+                Channel::Drive => 0.0,
+            }
+        };
         for &channel in channels {
             rows.extend(piece.kept.iter().map(|row| {
                 let k = row * piece.band.stride();
@@ -367,6 +432,7 @@ fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointModel) -> Vec
                     load_nm: load.torque_nm[k],
                     motor_angle_rad: nominal.gear_ratio * drive.motor_rad[k],
                     inertial_nm: largest_around(&moving_nm, k, around),
+                    beating_nm: beating(channel, k),
                 }
             }));
         }

@@ -7,6 +7,7 @@
 
 use std::ops::Range;
 
+use crate::observe::Channel;
 use crate::twin::Row;
 
 /// Of the autoregressive filters.
@@ -90,7 +91,10 @@ fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor)
                 .fold(f64::INFINITY, f64::min);
             let near = (-(nearest_s / REVERSAL_S).powi(2)).exp();
             let hard = INERTIAL * row.inertial_nm / deviation_nm;
-            *weight = 1.0 / (1.0 + (REVERSAL * near).powi(2) + hard * hard).sqrt();
+            // a beat is as quick as noise
+            let beating = row.beating_nm / quick_nm.max(1e-12);
+            let less = (REVERSAL * near).powi(2) + hard * hard + beating * beating;
+            *weight = 1.0 / (1.0 + less).sqrt();
         }
     }
     weights
@@ -126,6 +130,26 @@ impl Whitener {
             series,
             filters,
         }
+    }
+
+    /// The same for one channel's rows alone, with where those rows are.
+    pub fn only(&self, rows: &[Row], channel: Channel) -> (Self, Vec<usize>) {
+        let mut part = Self {
+            series: Vec::new(),
+            filters: Vec::new(),
+            weights: Vec::new(),
+        };
+        let mut places = Vec::new();
+        for (of, filter) in self.series.iter().zip(&self.filters) {
+            if rows[of.start].channel == channel {
+                let first = places.len();
+                places.extend(of.clone());
+                part.series.push(first..places.len());
+                part.filters.push(filter.clone());
+                part.weights.extend_from_slice(&self.weights[of.clone()]);
+            }
+        }
+        (part, places)
     }
 
     /// How much a row counts, 0 to 1, as a factor of its residual.
