@@ -380,6 +380,7 @@ impl Told<'_> {
                 }
             })
             .collect();
+        merge_harmonics(&mut effects);
         effects.extend(self.counted.iter().map(counted_effect));
         effects.sort_by(|a, b| b.shrink_alone.total_cmp(&a.shrink_alone));
         effects
@@ -666,6 +667,29 @@ impl Told<'_> {
             augmented_nm: pick(&|k| measured[k] - after_nm[k]),
         })
     }
+}
+
+/// A kinematic error has up to three harmonics: one effect, numbered parameters.
+fn merge_harmonics(effects: &mut Vec<NamedEffect>) {
+    let mut merged: Vec<NamedEffect> = Vec::with_capacity(effects.len());
+    let mut harmonic = 1;
+    for effect in effects.drain(..) {
+        let first = merged
+            .iter_mut()
+            .find(|first| first.effect == "kinematic_error" && effect.effect == first.effect);
+        let Some(first) = first else {
+            merged.push(effect);
+            continue;
+        };
+        harmonic += 1;
+        let numbered = effect
+            .parameters
+            .into_iter()
+            .map(|(name, parameter)| (format!("{name}_{harmonic}"), parameter));
+        first.parameters.extend(numbered);
+        first.shrink_alone = first.shrink_alone.max(effect.shrink_alone);
+    }
+    *effects = merged;
 }
 
 fn probability_of(step: &Step, effect: &str) -> f64 {

@@ -14,9 +14,16 @@ const NAMING: f64 = 6.0;
 /// What each fitted value costs beyond the first.
 const VALUE: f64 = 1.5;
 /// What an effect costs beside that whose cycles are the best of very many.
-const AMONG_MANY: f64 = 4.0;
+const AMONG_MANY: f64 = 10.0;
 /// What an effect costs beside that which shows at reversals, where friction before it slips is nobody's law.
 const AT_REVERSALS: f64 = 14.0;
+const AT_REVERSALS_ALWAYS: [&str; 3] = [
+    "stribeck_friction",
+    "structural_damping",
+    "torsional_hysteresis",
+];
+/// Those that show elsewhere only to a second encoder or a torque sensor.
+const AT_REVERSALS_UNSEEN: [&str; 3] = ["torsional_compliance", "soft_windup", "backlash"];
 /// What torques of no named law are worth in a good twin: over velocity, acceleration and travel since a reversal its
 /// friction is another's law, over anything else it is as the robot.
 const TWINS_FRICTION: f64 = 60.0;
@@ -61,16 +68,16 @@ fn nats(ranking: &Ranking, scored: &Scored, variance: f64) -> f64 {
     worth(
         scored,
         errors / variance + ranking.none_strain - scored.strain,
+        ranking.sees_torsion,
     )
 }
 
 /// What taking so much off squares and strain is worth for this effect.
-fn worth(scored: &Scored, gain: f64) -> f64 {
+fn worth(scored: &Scored, gain: f64, sees_torsion: bool) -> f64 {
     let values = scored.amplitudes.len() + scored.hypothesis.shape.len();
-    let at_reversals = matches!(
-        scored.hypothesis.effect,
-        "stribeck_friction" | "structural_damping" | "torsional_hysteresis"
-    );
+    let effect = scored.hypothesis.effect;
+    let at_reversals = AT_REVERSALS_ALWAYS.contains(&effect)
+        || !sees_torsion && AT_REVERSALS_UNSEEN.contains(&effect);
     let beside = if at_reversals {
         AT_REVERSALS
     } else if scored.hypothesis.is_periodic() {
@@ -133,7 +140,10 @@ impl Standings {
         let least = left.iter().map(|(_, left)| *left).fold(without, f64::min);
         let variance = (least / ranking.rows.max(1) as f64).max(1.0);
         let value =
-            |index: usize, left: f64| worth(&ranking.scored[index], (without - left) / variance);
+            |index: usize, left: f64| {
+                let gain = (without - left) / variance;
+                worth(&ranking.scored[index], gain, ranking.sees_torsion)
+            };
         // the others stay as far behind the last that was simulated as their linear responses were
         let last = left
             .iter()

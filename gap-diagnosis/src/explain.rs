@@ -14,7 +14,11 @@ const REFITTED: usize = 4;
 const NEAR_NATS: f64 = 30.0;
 /// Nats that a second or third effect must be worth, and part of the first one's: no law is exact.
 const FURTHER_NATS: f64 = 6.0;
-const FURTHER_PART: f64 = 0.02;
+const FURTHER_PART: f64 = 0.01;
+/// The same for one that repeats over the angle as an effect before does.
+const COMPANION_PART: f64 = 0.05;
+/// Cycles a turn that differ by less are the same.
+const ALIKE: f64 = 0.02;
 
 /// What explains a joint's residual.
 #[derive(Clone, Debug)]
@@ -54,6 +58,23 @@ struct Refitted {
     effect: &'static str,
     nats: f64,
     refined: Refined,
+}
+
+impl Refitted {
+    /// Whether the effect that this adds to a model repeats as often as another one that is in it already.
+    fn is_companion(&self, before: &Model) -> bool {
+        let Some(added) = self.refined.model.terms.last() else {
+            return false;
+        };
+        before.terms.iter().any(|term| {
+            let cycles = [term, added].map(|term| term.hypothesis.shape.first().copied());
+            let alike = match cycles {
+                [Some(a), Some(b)] => (a / b - 1.0).abs() < ALIKE,
+                _ => false,
+            };
+            alike && term.hypothesis.is_periodic() && added.hypothesis.is_periodic()
+        })
+    }
 }
 
 impl Explanation {
@@ -109,19 +130,23 @@ pub fn explain(search: &Search<'_>, settled: &[Term]) -> Result<Explanation, Fil
     let mut rounds = Vec::new();
     loop {
         let room = refined.model.terms.len() < settled.len() + EFFECTS_MAX;
-        let worth = rounds
-            .first()
-            .map_or(0.0, |first: &Step| FURTHER_NATS.max(FURTHER_PART * first.best_nats));
+        let first_nats = rounds.first().map(|first: &Step| first.best_nats);
+        let worth = |best: &Refitted| match first_nats {
+            None => 0.0,
+            Some(nats) if best.is_companion(&refined.model) => nats * COMPANION_PART,
+            Some(nats) => (nats * FURTHER_PART).max(FURTHER_NATS),
+        };
         let chosen = step
             .refitted
-            .first()
-            .cloned()
-            .filter(|best| room && best.nats >= worth);
+            .iter()
+            .find(|best| room && best.nats >= worth(best))
+            .cloned();
         let Some(best) = chosen else {
             rounds.push(step);
             break;
         };
         step.added = Some(best.effect);
+        step.best_nats = best.nats;
         let next = search.next(&step.round, &best.refined.model)?;
         let next = Step::new(search, next, &best.refined)?;
         rounds.push(std::mem::replace(&mut step, next));

@@ -142,6 +142,8 @@ pub struct Ranking {
     pub scored: Vec<Scored>,
     /// Compared numbers.
     pub rows: usize,
+    /// Whether a second encoder or a torque sensor shows how the gear twists.
+    pub sees_torsion: bool,
 }
 
 impl Round {
@@ -222,7 +224,12 @@ impl<'a> Search<'a> {
                         .sum::<f64>();
                     count += runs - 1.0;
                 }
-                (channel, (sum / f64::max(count, 1.0)).sqrt())
+                let noise_nm = (sum / f64::max(count, 1.0)).sqrt();
+                match channel {
+                    // no robot file tells the noise of a torque sensor
+                    Channel::Link => (channel, noise_nm.hypot(twin.torque_sensor_noise_nm())),
+                    _ => (channel, noise_nm),
+                }
             })
             .collect();
         let whitener = Whitener::new(&twin.rows, |row| {
@@ -540,6 +547,9 @@ impl<'a> Search<'a> {
             none_strain,
             scored,
             rows: blocks.rows(),
+            sees_torsion: [Channel::Torsion, Channel::Link]
+                .iter()
+                .any(|channel| self.twin.channels.contains(channel)),
         };
         (ranking, blocks)
     }

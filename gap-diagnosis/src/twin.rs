@@ -145,6 +145,26 @@ impl<'a> JointTwin<'a> {
         self.pieces.iter().map(|piece| piece.joint).collect()
     }
 
+    /// Noise of the torque sensors within the band, from how they differ from sample to sample.
+    pub fn torque_sensor_noise_nm(&self) -> f64 {
+        let mut steps_nm: Vec<f64> = self
+            .pieces
+            .iter()
+            .filter_map(|piece| piece.joint.joint_torque_nm.as_ref())
+            .flat_map(|torque_nm| torque_nm.windows(4))
+            .map(|x| (x[3] - 3.0 * x[2] + 3.0 * x[1] - x[0]).abs())
+            .collect();
+        if steps_nm.is_empty() {
+            return 0.0;
+        }
+        let middle = steps_nm.len() / 2;
+        let (_, median_nm, _) = steps_nm.select_nth_unstable_by(middle, f64::total_cmp);
+        // third differences of independent samples have 20 times their variance; the median is at 0.6745 deviations
+        let deviation_nm = *median_nm / 0.6745 / 20.0_f64.sqrt();
+        let band = self.pieces[0].band;
+        deviation_nm * (2.0 * band.cutoff_hz / band.rate_hz).sqrt()
+    }
+
     /// Velocity, its direction, and acceleration of each other joint, row by row.
     pub fn others(&self) -> Vec<Vec<f64>> {
         let others = (0..self.robot.joints.len()).filter(|other| *other != self.joint);

@@ -59,7 +59,7 @@ const REVERSAL_S: f64 = 0.12;
 /// Of the torque that accelerates the joint, the twin is off by this part: sensors and twin are not at the same instant.
 const INERTIAL: f64 = 0.02;
 /// Slower than this part of the fastest is as good as standing.
-const STANDING: f64 = 0.01;
+const STANDING: f64 = 0.03;
 
 /// Of each row, by how near its joint is to a reversal and how hard it accelerates: 1 in even motion.
 fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor) -> Vec<f64> {
