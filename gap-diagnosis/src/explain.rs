@@ -193,7 +193,7 @@ impl Step {
             .collect();
         for (index, _) in leading {
             let scored = &round.ranking.scored[index];
-            let mut model = round.model.clone();
+            let mut model = base.model.clone();
             model.terms.push(Term {
                 hypothesis: scored.hypothesis.clone(),
                 amplitudes: scored.amplitudes.clone(),

@@ -30,6 +30,8 @@ const TWIN_SLOW_S: f64 = 0.15;
 const TOLERANCE: f64 = 3.0;
 /// No effect is larger than some of these steps: keeps what the motion does not excite from taking any value.
 const PLAUSIBLE_STEPS: f64 = 1000.0;
+/// The smallest part of a step that is tried.
+const SHARE_MIN: f64 = 0.02;
 /// Gauss-Newton steps.
 const STEPS: usize = 4;
 /// Peaks over the motor angle that are tried.
@@ -618,7 +620,7 @@ impl<'a> Search<'a> {
                     break Some((next, left, 1.0 - after / before));
                 }
                 share *= 0.4;
-                if share < 0.1 {
+                if share < SHARE_MIN {
                     break None;
                 }
             };
