@@ -486,9 +486,10 @@ impl Told<'_> {
         let mut found = Vec::new();
         for step in self.added() {
             let ranking = &step.round.ranking;
-            let own = step.standings.effects.iter().find(|(index, _)| {
-                Some(ranking.scored[*index].hypothesis.effect) == step.added
-            });
+            let own =
+                step.standings.effects.iter().find(|(index, _)| {
+                    Some(ranking.scored[*index].hypothesis.effect) == step.added
+                });
             let Some((own, _)) = own else { continue };
             let (distance, known) = step
                 .round
@@ -569,7 +570,10 @@ impl Told<'_> {
                 torque.before
             ),
             Verdict::Unexplained => {
-                format!("a gap that no candidate accounts for: {sizes}; a torque {}", self.left_over())
+                format!(
+                    "a gap that no candidate accounts for: {sizes}; a torque {}",
+                    self.left_over()
+                )
             }
             Verdict::Ambiguous => format!(
                 "{} or what it is confused with: {sizes}",
@@ -577,7 +581,10 @@ impl Told<'_> {
             ),
             Verdict::PartlyExplained => {
                 let named = names.join(" and ");
-                format!("{named} and something else: {sizes}; a torque {} is left", self.left_over())
+                format!(
+                    "{named} and something else: {sizes}; a torque {} is left",
+                    self.left_over()
+                )
             }
             Verdict::Explained | Verdict::InsufficientData => {
                 format!("{}: {sizes}", names.join(" and "))

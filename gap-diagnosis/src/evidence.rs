@@ -5,7 +5,7 @@
 //! errors of a twin are not as independent as noise. `none` stands at zero. Whether something is left that no effect of
 //! the list explains is told by torques of no named law ([`crate::shapes`]).
 
-use crate::search::{Ranking, Scored};
+use crate::rank::{Ranking, Scored};
 
 /// By how much evidence is tempered.
 const TEMPER: f64 = 0.5;
@@ -139,11 +139,10 @@ impl Standings {
     pub fn refit(&mut self, ranking: &Ranking, without: f64, left: &[(usize, f64)]) {
         let least = left.iter().map(|(_, left)| *left).fold(without, f64::min);
         let variance = (least / ranking.rows.max(1) as f64).max(1.0);
-        let value =
-            |index: usize, left: f64| {
-                let gain = (without - left) / variance;
-                worth(&ranking.scored[index], gain, ranking.sees_torsion)
-            };
+        let value = |index: usize, left: f64| {
+            let gain = (without - left) / variance;
+            worth(&ranking.scored[index], gain, ranking.sees_torsion)
+        };
         // the others stay as far behind the last that was simulated as their linear responses were
         let last = left
             .iter()

@@ -4,7 +4,9 @@ use joint_model::filter::FilterError;
 
 use crate::evidence::{Probability, Remains, Standings, remains, standings, unknown_probability};
 use crate::judge::Squares;
-use crate::search::{Model, Refined, Round, Search, Term};
+use crate::rank::Round;
+use crate::refine::Refined;
+use crate::search::{Model, Search, Term};
 
 /// The most effects of one joint.
 pub const EFFECTS_MAX: usize = 3;

@@ -9,8 +9,9 @@ use robot::Effect;
 use crate::fit::{BLOCKS, block_of};
 
 use crate::observe::Channel;
+use crate::refine::Refined;
 use crate::report::{BeforeAfter, Gap, Parameter};
-use crate::search::{Model, Refined, Search, Term, uniform};
+use crate::search::{Model, Search, Term, uniform};
 
 /// Samples of a bootstrap.
 const DRAWS: usize = 400;

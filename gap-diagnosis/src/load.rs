@@ -129,7 +129,11 @@ impl Motion {
     ///
     /// # Errors
     /// [`FilterError`] if the rate is no rate.
-    pub fn behind_gears(&self, chain: &Chain, gears: &[Option<JointModel>]) -> Result<Self, FilterError> {
+    pub fn behind_gears(
+        &self,
+        chain: &Chain,
+        gears: &[Option<JointModel>],
+    ) -> Result<Self, FilterError> {
         let count = self.position_rad.len();
         let samples = self.position_rad.first().map_or(0, Vec::len);
         let knots = self.knots(samples);

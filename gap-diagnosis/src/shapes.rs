@@ -56,7 +56,10 @@ pub fn families(twin: &JointTwin<'_>, residual_nm: &[f64]) -> Vec<Family> {
     add("acceleration", acceleration);
     add("jerk", hats(&jerk(rows), HATS));
     let travelled = hats(&travelled(rows), HATS);
-    add("travel since the last reversal", signed(&travelled, rows, sign));
+    add(
+        "travel since the last reversal",
+        signed(&travelled, rows, sign),
+    );
     let time_s = each(&|row| row.time_s);
     let seconds = time_s.iter().copied().fold(0.0, f64::max);
     let time = hats(&time_s, HATS_OVER_TIME.min(seconds as usize).max(2));
@@ -75,13 +78,25 @@ pub fn on_sides(family: &Family, rows: &[Row]) -> Vec<Family> {
     let motor_only = |column: &Vec<f64>| -> Vec<f64> {
         rows.iter()
             .zip(column)
-            .map(|(row, value)| if row.channel == Channel::Motor { *value } else { 0.0 })
+            .map(|(row, value)| {
+                if row.channel == Channel::Motor {
+                    *value
+                } else {
+                    0.0
+                }
+            })
             .collect()
     };
     let behind_gear = |column: &Vec<f64>| -> Vec<f64> {
         rows.iter()
             .zip(column)
-            .map(|(row, value)| if row.channel == Channel::Drive { 0.0 } else { *value })
+            .map(|(row, value)| {
+                if row.channel == Channel::Drive {
+                    0.0
+                } else {
+                    *value
+                }
+            })
             .collect()
     };
     let has_link = rows
@@ -225,7 +240,10 @@ fn vibration(rows: &[Row], residual_nm: &[f64]) -> Option<Family> {
     let angles = || rows.iter().map(|row| TAU * strongest.0 * row.time_s);
     Some(Family {
         over: "time, as a vibration",
-        columns: vec![angles().map(f64::sin).collect(), angles().map(f64::cos).collect()],
+        columns: vec![
+            angles().map(f64::sin).collect(),
+            angles().map(f64::cos).collect(),
+        ],
         tried: tried as f64,
     })
 }

@@ -95,7 +95,11 @@ pub fn peaks(rows: &[&Row], gain: impl Fn(f64) -> f64 + Sync, count: usize) -> V
         .map(|k| (settled(lowest + k as f64 * step, turns), gains[k]))
         .collect();
     found.sort_by(|a, b| b.1.total_cmp(&a.1));
-    found.into_iter().take(count).map(|(cycles, _)| cycles).collect()
+    found
+        .into_iter()
+        .take(count)
+        .map(|(cycles, _)| cycles)
+        .collect()
 }
 
 /// What repeats with a shaft repeats a whole number of times: taken where the range cannot tell it from the peak.

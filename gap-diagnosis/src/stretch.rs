@@ -224,9 +224,7 @@ fn stretch(
     let gears: Vec<Option<JointModel>> = positions
         .iter()
         .enumerate()
-        .map(|(joint, position)| {
-            (!position.is_of_link).then(|| JointModel::nominal(robot, joint))
-        })
+        .map(|(joint, position)| (!position.is_of_link).then(|| JointModel::nominal(robot, joint)))
         .collect();
     let motion = Motion::of(&columns, rate_hz)?.behind_gears(&robot.chain, &gears)?;
     let joints = positions

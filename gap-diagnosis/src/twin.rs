@@ -427,9 +427,7 @@ fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointModel) -> Vec
             let motor_rad = of(nominal.motor_resolution_rad / ratio, noise_rad / ratio);
             let link_rad = of(nominal.link_resolution_rad, noise_rad);
             match channel {
-                Channel::Torsion => {
-                    nominal.stiffness_nm_rad * motor_rad.hypot(link_rad)
-                }
+                Channel::Torsion => nominal.stiffness_nm_rad * motor_rad.hypot(link_rad),
                 Channel::Motor | Channel::Link => {
                     let bandwidth_rad_s = std::f64::consts::TAU * piece.band.cutoff_hz;
                     (nominal.rotor_inertia_kg_m2 + load.inertia_kg_m2[k])

@@ -1,0 +1,277 @@
+//! The standing of all effects beside a model: each fitted with what is known refitted beside it, and judged by how it
+//! predicts blocks of time that it was not fitted to.
+
+use std::ops::Range;
+
+use joint_model::filter::FilterError;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use crate::fit::{Blocks, Bound, HeldOut};
+use crate::hypothesis::Hypothesis;
+use crate::known::{Known, KnownValue};
+use crate::observe::Channel;
+use crate::refine::Refined;
+use crate::respond::Linear;
+use crate::search::{Model, Search, difference, strain};
+use crate::shapes::{evidence_nats, families, on_sides};
+
+/// Hypotheses whose responses are found anew beside a model with effects.
+const ANEW: usize = 14;
+
+/// A hypothesis' standing.
+#[derive(Clone, Debug)]
+pub struct Scored {
+    /// What.
+    pub hypothesis: Hypothesis,
+    /// Its columns in the round.
+    columns: Range<usize>,
+    /// Fitted to all rows.
+    pub amplitudes: Vec<f64>,
+    /// Errors in blocks it was not fitted to.
+    pub held_out: HeldOut,
+    /// Sum of squares that its fit to all rows leaves.
+    pub square: f64,
+    /// Sum of squared deviations of what is known.
+    pub strain: f64,
+    /// Root mean square of what it adds to the motor's channel.
+    pub size_nm: f64,
+}
+
+/// All hypotheses beside a model.
+#[derive(Clone, Debug)]
+pub struct Round {
+    /// The model.
+    pub model: Model,
+    /// Their standing.
+    pub ranking: Ranking,
+    pub(crate) linear: Linear,
+    blocks: Blocks,
+}
+
+/// The standing of all hypotheses beside a model.
+#[derive(Clone, Debug)]
+pub struct Ranking {
+    /// Without any of them.
+    pub none: HeldOut,
+    /// Sum of squares that the fit to all rows leaves without any of them.
+    pub none_square: f64,
+    /// Sum of squared deviations of what is known, without any of them.
+    pub none_strain: f64,
+    /// Best first.
+    pub scored: Vec<Scored>,
+    /// Compared numbers.
+    pub rows: usize,
+    /// Whether a second encoder or a torque sensor shows how the gear twists.
+    pub sees_torsion: bool,
+}
+
+impl Round {
+    /// `d²`: how far one hypothesis, as fitted, is from being imitated by another with known values refitted.
+    pub fn distance(&self, one: &Scored, other: &Scored) -> f64 {
+        let others: Vec<usize> = (0..self.linear.known.len())
+            .chain(other.columns.clone())
+            .collect();
+        let chosen: Vec<usize> = one.columns.clone().collect();
+        self.blocks
+            .distance(&chosen, &one.amplitudes, &others, false)
+    }
+
+    /// `d²` of a hypothesis, as fitted, from known values that are off by any amount, but for those it is itself a change
+    /// of; and the one of them that it cannot do without.
+    pub fn distance_from_known(&self, one: &Scored, known: &[KnownValue]) -> (f64, Option<Known>) {
+        let chosen: Vec<usize> = one.columns.clone().collect();
+        let others: Vec<usize> = (0..known.len())
+            .filter(|k| known[*k].known.effect() != Some(one.hypothesis.effect))
+            .collect();
+        let away = |others: &[usize]| self.blocks.distance(&chosen, &one.amplitudes, others, true);
+        let all = away(&others);
+        let needed = others
+            .iter()
+            .map(|without| {
+                let rest: Vec<usize> = others.iter().copied().filter(|k| k != without).collect();
+                (away(&rest), known[*without].known)
+            })
+            .filter(|(_, known)| known.effect().is_some())
+            .max_by(|a, b| a.0.total_cmp(&b.0));
+        (all, needed.map(|(_, known)| known))
+    }
+
+    /// What this joint says about a hypothesis whose amplitudes several joints share: information matrix and vector,
+    /// known values refitted.
+    pub fn information(&self, of: &Scored) -> (DMatrix<f64>, DVector<f64>) {
+        let known: Vec<usize> = (0..self.linear.known.len()).collect();
+        let chosen: Vec<usize> = of.columns.clone().collect();
+        self.blocks.information(&known, &chosen)
+    }
+}
+
+impl Search<'_> {
+    /// All hypotheses, beside a model.
+    ///
+    /// # Errors
+    /// [`FilterError`].
+    pub fn first(&self, model: &Model) -> Result<Round, FilterError> {
+        let model = model.clone();
+        let base = self.twin.simulated(&model.changes(&self.scale), None)?;
+        let residual_nm: Vec<f64> = difference(&self.measured_nm, &base);
+        let known = self.known_columns(&base, &model)?;
+        let mut linear = Linear {
+            residual_nm,
+            known,
+            hypotheses: self.columns(&base, &model, self.hypotheses.clone())?,
+        };
+        let periodic = self.periodic_hypotheses(&linear);
+        linear
+            .hypotheses
+            .extend(self.columns(&base, &model, periodic)?);
+        Ok(self.round(model, linear))
+    }
+
+    /// All hypotheses, beside a model with effects: responses about the model before are good enough to choose those
+    /// whose responses are found anew.
+    ///
+    /// # Errors
+    /// [`FilterError`].
+    pub fn next(&self, before: &Round, model: &Model) -> Result<Round, FilterError> {
+        let mut model = model.clone();
+        model.known.resize(self.twin.known.len(), 0.0);
+        let base = self.twin.simulated(&model.changes(&self.scale), None)?;
+        let mut linear = before.linear.clone();
+        linear.residual_nm = difference(&self.measured_nm, &base);
+        let periodic = self.periodic_hypotheses(&linear);
+        linear
+            .hypotheses
+            .extend(self.columns(&base, &model, periodic)?);
+        let (rough, _) = self.scored(&model, &linear);
+        let anew = rough
+            .scored
+            .iter()
+            .take(ANEW)
+            .map(|scored| scored.hypothesis.clone())
+            .collect();
+        linear.hypotheses = self.columns(&base, &model, anew)?;
+        Ok(self.round(model, linear))
+    }
+
+    fn round(&self, model: Model, linear: Linear) -> Round {
+        let (ranking, blocks) = self.scored(&model, &linear);
+        Round {
+            model,
+            ranking,
+            linear,
+            blocks,
+        }
+    }
+
+    fn scored(&self, model: &Model, linear: &Linear) -> (Ranking, Blocks) {
+        let rows = &self.twin.rows;
+        let whitener = &self.whitener;
+        let columns: Vec<&Vec<f64>> = linear
+            .known
+            .iter()
+            .chain(linear.hypotheses.iter().flat_map(|(_, columns)| columns))
+            .collect();
+        let white: Vec<Vec<f64>> = columns.par_iter().map(|c| whitener.apply(c)).collect();
+        let target = whitener.apply(&linear.residual_nm);
+        let mut bounds = self.bounds();
+        for (k, bound) in bounds.iter_mut().enumerate() {
+            // a model that moved a known value already has less room left
+            let moved = model.known.get(k).copied().unwrap_or(0.0);
+            bound.range = bound.range.map(|limit| limit - moved);
+        }
+        for (hypothesis, columns) in &linear.hypotheses {
+            bounds.extend(columns.iter().map(|_| Self::hypothesis_bound(hypothesis)));
+        }
+        let blocks = Blocks::new(&white, &target, bounds, rows);
+        let known: Vec<usize> = (0..linear.known.len()).collect();
+        let none = blocks.held_out(&known);
+        let without = blocks.fit(&known);
+        let none_strain = strain(model, &without.coefficients);
+        let mut first = known.len();
+        let places: Vec<(usize, usize)> = linear
+            .hypotheses
+            .iter()
+            .map(|(_, columns)| {
+                let place = (first, columns.len());
+                first += columns.len();
+                place
+            })
+            .collect();
+        let mut scored: Vec<Scored> = linear
+            .hypotheses
+            .par_iter()
+            .zip(&places)
+            .map(|((hypothesis, own), &(place, count))| {
+                let chosen: Vec<usize> =
+                    known.iter().copied().chain(place..place + count).collect();
+                let fit = blocks.fit(&chosen);
+                let amplitudes = fit.coefficients[known.len()..].to_vec();
+                Scored {
+                    hypothesis: hypothesis.clone(),
+                    columns: place..place + count,
+                    held_out: blocks.held_out(&chosen),
+                    square: fit.square,
+                    strain: strain(model, &fit.coefficients[..known.len()]),
+                    size_nm: self.size_nm(own, &amplitudes),
+                    amplitudes,
+                }
+            })
+            .collect();
+        scored.sort_by(|a, b| a.held_out.total().total_cmp(&b.held_out.total()));
+        let ranking = Ranking {
+            none,
+            none_square: without.square,
+            none_strain,
+            scored,
+            rows: blocks.rows(),
+            sees_torsion: [Channel::Torsion, Channel::Link]
+                .iter()
+                .any(|channel| self.twin.channels.contains(channel)),
+        };
+        (ranking, blocks)
+    }
+
+    /// What a torque of no named law would be worth beside a model, of each family: over what, and nats. Known values
+    /// are refitted with it, as they respond in a round.
+    pub fn structure(&self, round: &Round, refined: &Refined) -> Vec<(&'static str, f64)> {
+        let known = &round.linear.known;
+        let bounds = self.bounds();
+        let prior_means: Vec<f64> = refined.model.known.iter().map(|z| -z).collect();
+        let beside: Vec<usize> = (0..known.len()).collect();
+        families(self.twin, &refined.residual_nm)
+            .par_iter()
+            .map(|family| {
+                let nats = on_sides(family, &self.twin.rows)
+                    .into_iter()
+                    .map(|family| {
+                        let mut bounds = bounds.clone();
+                        bounds.extend(family.columns.iter().map(|_| Bound::FREE));
+                        let mut means = prior_means.clone();
+                        means.resize(bounds.len(), 0.0);
+                        let chosen: Vec<usize> = (known.len()..bounds.len()).collect();
+                        let columns: Vec<Vec<f64>> =
+                            known.iter().chain(&family.columns).cloned().collect();
+                        let blocks = self.blocks(&columns, &refined.residual_nm, &bounds, &means);
+                        let (matrix, vector) = blocks.information(&beside, &chosen);
+                        evidence_nats(matrix, &vector, family.tried)
+                    })
+                    .fold(0.0, f64::max);
+                (family.over, nats)
+            })
+            .collect()
+    }
+
+    /// Root mean square over the motor's channel.
+    fn size_nm(&self, columns: &[Vec<f64>], amplitudes: &[f64]) -> f64 {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (k, row) in self.twin.rows.iter().enumerate() {
+            if row.channel == Channel::Motor {
+                let value: f64 = columns.iter().zip(amplitudes).map(|(c, a)| a * c[k]).sum();
+                sum += value * value;
+                count += 1.0;
+            }
+        }
+        (sum / f64::max(count, 1.0)).sqrt()
+    }
+}

@@ -1,0 +1,212 @@
+//! Models fitted by simulation: Gauss-Newton steps over known values, amplitudes and shapes at once.
+
+use joint_model::filter::FilterError;
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+use crate::fit::{Blocks, Bound, block_of};
+use crate::rank::Round;
+use crate::search::{Model, PLAUSIBLE_STEPS, Search, difference};
+
+/// The smallest part of a step that is tried.
+const SHARE_MIN: f64 = 0.02;
+/// Gauss-Newton steps.
+const STEPS: usize = 4;
+
+struct Step {
+    coefficients: Vec<f64>,
+    columns: Vec<Vec<f64>>,
+    bounds: Vec<Bound>,
+    prior_means: Vec<f64>,
+}
+
+/// A model fitted to all rows.
+#[derive(Clone, Debug)]
+pub struct Refined {
+    /// The model.
+    pub model: Model,
+    /// What it leaves.
+    pub residual_nm: Vec<f64>,
+    /// Responses to known values, then to every term's amplitudes and shape, in their steps.
+    columns: Vec<Vec<f64>>,
+    bounds: Vec<Bound>,
+    prior_means: Vec<f64>,
+}
+
+impl Refined {
+    /// Sum of squared deviations of what is known.
+    pub fn strain(&self) -> f64 {
+        self.model.known.iter().map(|z| z * z).sum()
+    }
+}
+
+impl Search<'_> {
+    /// Fits known values, amplitudes and shapes of a model to all rows by Gauss-Newton steps.
+    ///
+    /// # Errors
+    /// [`FilterError`].
+    pub fn refine(&self, round: &Round, start: &Model) -> Result<Refined, FilterError> {
+        let mut model = start.clone();
+        model.known.resize(self.twin.known.len(), 0.0);
+        let mut residual_nm = self.residual_nm(&model)?;
+        let mut last = None;
+        for _ in 0..STEPS {
+            let step = self.step(round, &model, &residual_nm)?;
+            let before = self.objective(&model, &residual_nm);
+            let mut share = 1.0;
+            let better = loop {
+                let next = self.moved(&model, &step, share);
+                let left = self.residual_nm(&next)?;
+                let after = self.objective(&next, &left);
+                if after < before {
+                    break Some((next, left, 1.0 - after / before));
+                }
+                share *= 0.4;
+                if share < SHARE_MIN {
+                    break None;
+                }
+            };
+            last = Some(step);
+            let Some((next, left, gain)) = better else {
+                break;
+            };
+            model = next;
+            residual_nm = left;
+            if gain < 1e-4 {
+                break;
+            }
+        }
+        let (columns, bounds, prior_means) = last.map_or_else(Default::default, |step: Step| {
+            (step.columns, step.bounds, step.prior_means)
+        });
+        Ok(Refined {
+            model,
+            residual_nm,
+            columns,
+            bounds,
+            prior_means,
+        })
+    }
+
+    fn step(&self, round: &Round, model: &Model, residual_nm: &[f64]) -> Result<Step, FilterError> {
+        let base = self.twin.simulated(&model.changes(&self.scale), None)?;
+        let mut probes: Vec<Model> = Vec::new();
+        let mut bounds = self.bounds();
+        for (k, bound) in bounds.iter_mut().enumerate() {
+            bound.range = bound.range.map(|limit| limit - model.known[k]);
+        }
+        // the prior is about the file's values, not about the model's
+        let mut prior_means: Vec<f64> = model.known.iter().map(|z| -z).collect();
+        for (t, term) in model.terms.iter().enumerate() {
+            for a in 0..term.amplitudes.len() {
+                if term.hypothesis.is_switch() {
+                    continue;
+                }
+                let mut probe = model.clone();
+                probe.terms[t].amplitudes[a] += 1.0;
+                probes.push(probe);
+                let low = if term.hypothesis.is_positive() {
+                    -term.amplitudes[a]
+                } else {
+                    f64::NEG_INFINITY
+                };
+                bounds.push(Bound {
+                    range: [low, f64::INFINITY],
+                    precision: PLAUSIBLE_STEPS.powi(-2),
+                });
+                prior_means.push(-term.amplitudes[a]);
+            }
+            if term.hypothesis.shape_is_free() {
+                let shape = term.hypothesis.shape[0];
+                let range = term.hypothesis.shape_range(&self.scale);
+                let mut probe = model.clone();
+                let factor = 1.0 + term.hypothesis.shape_step(&self.scale);
+                probe.terms[t].hypothesis = term.hypothesis.shaped(&[shape * factor]);
+                probes.push(probe);
+                let unit = factor.ln();
+                bounds.push(Bound {
+                    range: [
+                        ((range[0] / shape).ln() / unit).max(-6.0),
+                        ((range[1] / shape).ln() / unit).min(6.0),
+                    ],
+                    precision: 0.02,
+                });
+                prior_means.push(0.0);
+            }
+        }
+        let mut columns = round.linear.known.clone();
+        columns.extend(
+            probes
+                .par_iter()
+                .map(|probe| {
+                    let response = self.twin.simulated(&probe.changes(&self.scale), None)?;
+                    Ok(difference(&response, &base))
+                })
+                .collect::<Result<Vec<_>, FilterError>>()?,
+        );
+        let blocks = self.blocks(&columns, residual_nm, &bounds, &prior_means);
+        let all: Vec<usize> = (0..columns.len()).collect();
+        Ok(Step {
+            coefficients: blocks.fit(&all).coefficients,
+            columns,
+            bounds,
+            prior_means,
+        })
+    }
+
+    /// A regression of raw columns.
+    pub(crate) fn blocks(
+        &self,
+        columns: &[Vec<f64>],
+        residual_nm: &[f64],
+        bounds: &[Bound],
+        prior_means: &[f64],
+    ) -> Blocks {
+        let white: Vec<Vec<f64>> = columns
+            .par_iter()
+            .map(|column| self.whitener.apply(column))
+            .collect();
+        let target = self.whitener.apply(residual_nm);
+        Blocks::new(&white, &target, bounds.to_vec(), &self.twin.rows).with_prior_means(prior_means)
+    }
+
+    /// What a refined model leaves of every block when it is fitted to the other blocks only, raw; and the covariance of
+    /// its values, in steps.
+    pub fn held_out(&self, refined: &Refined) -> (Vec<f64>, DMatrix<f64>) {
+        let mut left = refined.residual_nm.clone();
+        if refined.columns.is_empty() {
+            return (left, DMatrix::zeros(0, 0));
+        }
+        let blocks = self.blocks(
+            &refined.columns,
+            &refined.residual_nm,
+            &refined.bounds,
+            &refined.prior_means,
+        );
+        let all: Vec<usize> = (0..refined.columns.len()).collect();
+        let block_of = block_of(&self.twin.rows);
+        let folds = blocks.folds(&all);
+        for (k, value) in left.iter_mut().enumerate() {
+            let steps = &folds[block_of[k]];
+            let column = refined.columns.iter().zip(steps);
+            *value -= column.map(|(column, step)| step * column[k]).sum::<f64>();
+        }
+        (left, blocks.covariance(&all, &blocks.fit(&all)))
+    }
+
+    fn moved(&self, model: &Model, step: &Step, share: f64) -> Model {
+        let mut next = model.clone();
+        let mut steps = step.coefficients.iter().map(|x| share * x);
+        for known in &mut next.known {
+            *known += steps.next().unwrap_or(0.0);
+        }
+        for term in &mut next.terms {
+            let own: Vec<f64> = steps
+                .by_ref()
+                .take(Self::values(&term.hypothesis))
+                .collect();
+            *term = self.stepped(term, &own);
+        }
+        next
+    }
+}

@@ -1,0 +1,144 @@
+//! How a joint's channels respond: to known values, to every effect, and to effects that repeat with an angle.
+
+use joint_model::filter::FilterError;
+use rayon::prelude::*;
+
+use crate::hypothesis::{Hypothesis, periodic};
+use crate::observe::Channel;
+use crate::search::{Model, Search, difference};
+use crate::spectrum::{Beside, peaks};
+use crate::twin::{Changes, Row};
+
+/// Peaks over the motor angle that are tried.
+const PEAKS: usize = 2;
+
+/// A hypothesis with the channels' response to each of its amplitudes.
+pub(crate) type Columns = (Hypothesis, Vec<Vec<f64>>);
+
+/// Responses of the channels about a model.
+#[derive(Clone, Debug)]
+pub(crate) struct Linear {
+    pub(crate) residual_nm: Vec<f64>,
+    pub(crate) known: Vec<Vec<f64>>,
+    pub(crate) hypotheses: Vec<Columns>,
+}
+
+impl Search<'_> {
+    /// Response to a change, beside a model.
+    fn response(
+        &self,
+        base: &[f64],
+        model: &Model,
+        change: impl FnOnce(&mut Changes),
+    ) -> Result<Vec<f64>, FilterError> {
+        let mut changes = model.changes(&self.scale);
+        changes.known.resize(self.twin.known.len(), 0.0);
+        change(&mut changes);
+        Ok(difference(&self.twin.simulated(&changes, None)?, base))
+    }
+
+    fn hypothesis_columns(
+        &self,
+        base: &[f64],
+        model: &Model,
+        hypothesis: &Hypothesis,
+    ) -> Result<Vec<Vec<f64>>, FilterError> {
+        let at = |amplitudes: &[f64]| {
+            self.response(base, model, |changes| {
+                changes
+                    .effects
+                    .push(hypothesis.effect(amplitudes, &self.scale));
+            })
+        };
+        (0..hypothesis.amplitudes())
+            .map(|index| {
+                let (probe, beside) = hypothesis.probes(index);
+                let mut column = at(&probe)?;
+                if let Some(beside) = beside {
+                    for (value, beside) in column.iter_mut().zip(at(&beside)?) {
+                        *value -= beside;
+                    }
+                }
+                Ok(column)
+            })
+            .collect()
+    }
+
+    /// Responses to everything that is known, about a model.
+    pub(crate) fn known_columns(
+        &self,
+        base: &[f64],
+        model: &Model,
+    ) -> Result<Vec<Vec<f64>>, FilterError> {
+        (0..self.twin.known.len())
+            .into_par_iter()
+            .map(|index| self.response(base, model, |changes| changes.known[index] += 1.0))
+            .collect()
+    }
+
+    pub(crate) fn columns(
+        &self,
+        base: &[f64],
+        model: &Model,
+        hypotheses: Vec<Hypothesis>,
+    ) -> Result<Vec<Columns>, FilterError> {
+        hypotheses
+            .into_par_iter()
+            .map(|hypothesis| {
+                let columns = self.hypothesis_columns(base, model, &hypothesis)?;
+                Ok((hypothesis, columns))
+            })
+            .collect()
+    }
+
+    /// Periodic effects at the cycles at which a residual repeats, over what known values leave.
+    pub(crate) fn periodic_hypotheses(&self, linear: &Linear) -> Vec<Hypothesis> {
+        let mut cycles: Vec<f64> = linear
+            .hypotheses
+            .iter()
+            .filter(|(hypothesis, _)| hypothesis.effect == "torque_ripple")
+            .map(|(hypothesis, _)| hypothesis.shape[0])
+            .collect();
+        let there = cycles.len();
+        let rows = &self.twin.rows;
+        let known: Vec<Vec<f64>> = linear
+            .known
+            .par_iter()
+            .map(|column| self.whitener.apply(column))
+            .collect();
+        let target = self.whitener.apply(&linear.residual_nm);
+        let beside = Beside::new(&known, &target);
+        for channel in [Channel::Motor, Channel::Torsion] {
+            let (whitener, places) = self.whitener.only(rows, channel);
+            let beside = beside.only(&places);
+            let of_channel: Vec<&Row> = places.iter().map(|k| &rows[*k]).collect();
+            for with_direction in [false, true] {
+                let wave = |of: fn(f64) -> f64, cycles: f64| -> Vec<f64> {
+                    let column: Vec<f64> = of_channel
+                        .iter()
+                        .map(|row| {
+                            let value = of(cycles * row.motor_angle_rad);
+                            if with_direction {
+                                value * row.velocity_rad_s.signum()
+                            } else {
+                                value
+                            }
+                        })
+                        .collect();
+                    whitener.apply(&column)
+                };
+                let gain =
+                    |cycles: f64| beside.gain(&wave(f64::sin, cycles), &wave(f64::cos, cycles));
+                for found in peaks(&of_channel, gain, PEAKS) {
+                    if !cycles
+                        .iter()
+                        .any(|known| (known / found - 1.0).abs() < 0.01)
+                    {
+                        cycles.push(found);
+                    }
+                }
+            }
+        }
+        cycles.drain(there..).flat_map(periodic).collect()
+    }
+}
