@@ -1,6 +1,7 @@
 //! From recordings to the physical effect that explains why a robot is not as its robot file says.
 #![forbid(unsafe_code)]
 
+mod confuse;
 pub mod control;
 pub mod data;
 pub mod diagnose;
@@ -27,6 +28,7 @@ pub mod simulate;
 pub mod smooth;
 pub mod spectrum;
 pub mod stretch;
+mod tell;
 pub mod twin;
 pub mod whiten;
 

@@ -369,7 +369,7 @@ impl Rounding {
     /// What is left of it, root mean square, below a cut-off: sampling aliases its harmonics to anywhere, and near whole
     /// numbers of steps in a sample to nearly nothing. Noise blurs it.
     fn beating_rad(&self, rate_hz: f64, cutoff_hz: f64) -> f64 {
-        if !(self.step_rad > 0.0) {
+        if self.step_rad <= 0.0 || !self.steps_hz.is_finite() {
             return 0.0;
         }
         let square: f64 = (1..=BEATS)

@@ -1,0 +1,381 @@
+//! What is told of one joint: verdict, effects with their values, candidates, where the gap lies.
+
+use std::collections::BTreeMap;
+
+use joint_model::filter::FilterError;
+use robot::Effect;
+
+use crate::confuse;
+use crate::diagnose::JointTraces;
+use crate::evidence::{Remains, beyond_twin};
+use crate::explain::{Explanation, Step};
+use crate::hypothesis::Stage;
+use crate::judge;
+use crate::observe::Channel;
+use crate::place;
+use crate::report::{
+    Candidate, Confusable, Gap, JointReport, NamedEffect, Remaining, Verdict, Where,
+};
+use crate::samples::Found;
+use crate::search::{Model, Search};
+use crate::shared::Shared;
+
+/// Probability of what was counted in the samples.
+const COUNTED: f64 = 0.97;
+/// Share of the candidates that are beside the first cause.
+const BESIDE: f64 = 0.15;
+/// Candidates less probable than this are not listed.
+const LISTED_MIN: f64 = 1e-4;
+
+/// Everything known about one joint.
+pub(crate) struct Told<'a> {
+    pub name: &'a str,
+    pub search: &'a Search<'a>,
+    pub explanation: &'a Explanation,
+    pub counted: &'a [Found],
+    pub shared: Vec<&'a Shared>,
+    pub poverty: Option<&'static str>,
+}
+
+impl Told<'_> {
+    pub fn report(&self) -> Result<JointReport, FilterError> {
+        let before_nm = self.search.residual_nm(&Model::default())?;
+        let (after_nm, covariance) = self.search.held_out(&self.explanation.refined);
+        let mut gap = judge::gap(self.search, &before_nm, &after_nm);
+        let nominal = Model::default();
+        gap.position_rms_rad =
+            judge::position_rms_rad(self.search, &nominal, &self.explanation.refined.model);
+        let effects = self.effects(&before_nm, &covariance);
+        let candidates = self.candidates();
+        let confusable = confuse::pairs(self);
+        let verdict = self.verdict(&effects, &confusable);
+        let has_gap = verdict != Verdict::NoGap;
+        let remaining = match self.explanation.remains() {
+            Remains::Nothing => Remaining::White,
+            Remains::Something | Remains::Most => Remaining::Structured,
+        };
+        if !has_gap {
+            (gap.shrink, gap.shrink_low, gap.shrink_high) = (0.0, 0.0, 0.0);
+        }
+        Ok(JointReport {
+            joint: self.name.to_owned(),
+            verdict,
+            reason: self.reason(verdict, &effects, &gap),
+            place: self.place(&before_nm, &candidates, &effects, has_gap),
+            effects,
+            candidates,
+            confusable,
+            gap,
+            remaining,
+        })
+    }
+
+    fn last(&self) -> &Step {
+        self.explanation.last()
+    }
+
+    pub fn added(&self) -> impl Iterator<Item = &Step> {
+        self.explanation
+            .rounds
+            .iter()
+            .filter(|step| step.added.is_some())
+    }
+
+    fn effects(&self, before_nm: &[f64], covariance: &nalgebra::DMatrix<f64>) -> Vec<NamedEffect> {
+        let refined = &self.explanation.refined;
+        let settled = refined.model.terms.len() - self.added().count();
+        let mut effects: Vec<NamedEffect> = self
+            .added()
+            .zip(settled..)
+            .map(|(step, term)| {
+                let name = refined.model.terms[term].hypothesis.effect;
+                let (parameters, side) = judge::parameters(self.search, refined, covariance, term);
+                NamedEffect {
+                    effect: name.to_owned(),
+                    probability: probability_of(step, name),
+                    parameters,
+                    side,
+                    shrink_alone: judge::shrink_alone(self.search, refined, term, before_nm),
+                }
+            })
+            .collect();
+        merge_harmonics(&mut effects);
+        effects.extend(self.counted.iter().map(counted_effect));
+        effects.sort_by(|a, b| b.shrink_alone.total_cmp(&a.shrink_alone));
+        effects
+    }
+
+    /// Probabilities of the steps that added something, or of the last one, with what was counted in the samples.
+    fn candidates(&self) -> Vec<Candidate> {
+        let steps: Vec<&Step> = self.added().collect();
+        let steps = if steps.is_empty() {
+            vec![self.last()]
+        } else {
+            steps
+        };
+        let unknown = self.explanation.unknown_probability();
+        let mut sums: BTreeMap<&str, f64> = BTreeMap::from([("unknown", unknown)]);
+        let rest = if self.counted.is_empty() && self.shared.is_empty() {
+            1.0
+        } else if steps.len() == 1 && steps[0].probabilities[0].effect == "none" {
+            1.0 - COUNTED
+        } else {
+            BESIDE
+        };
+        for (step, part) in steps.iter().zip(parts(steps.len())) {
+            let share = rest * (1.0 - unknown) * part;
+            for p in &step.probabilities {
+                *sums.entry(p.effect).or_default() += share * p.probability;
+            }
+        }
+        let beside = self.counted.len() + self.shared.len();
+        for found in self.counted {
+            let share = (1.0 - rest) / beside as f64;
+            for name in names(found) {
+                *sums.entry(name).or_default() += share / names(found).len() as f64;
+            }
+        }
+        for shared in &self.shared {
+            *sums.entry(shared.term.hypothesis.effect).or_default() += (1.0 - rest) / beside as f64;
+        }
+        let mut all: Vec<Candidate> = sums
+            .into_iter()
+            .filter(|(name, p)| *p >= LISTED_MIN || *name == "none" || *name == "unknown")
+            .map(|(name, probability)| Candidate {
+                effect: name.to_owned(),
+                probability,
+            })
+            .collect();
+        let total: f64 = all.iter().map(|candidate| candidate.probability).sum();
+        for candidate in &mut all {
+            candidate.probability /= total;
+        }
+        all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        all
+    }
+
+    fn verdict(&self, effects: &[NamedEffect], confusable: &[Confusable]) -> Verdict {
+        let remains = self.explanation.remains();
+        if effects.is_empty() && self.shared.is_empty() {
+            return match (remains, self.last().probabilities[0].effect) {
+                (Remains::Nothing, "none") => Verdict::NoGap,
+                (Remains::Nothing, _) => Verdict::Ambiguous,
+                _ => Verdict::Unexplained,
+            };
+        }
+        if remains != Remains::Nothing {
+            Verdict::PartlyExplained
+        } else if confusable
+            .iter()
+            .any(|pair| pair.distance < confuse::DISTANCE_MIN)
+            || effects.iter().any(|effect| effect.probability < 0.5)
+        {
+            Verdict::Ambiguous
+        } else {
+            Verdict::Explained
+        }
+    }
+
+    fn reason(&self, verdict: Verdict, effects: &[NamedEffect], gap: &Gap) -> String {
+        let torque = &gap.torque_rms_nm;
+        let sizes = format!(
+            "{:.3} Nm before, {:.3} Nm after, noise and twin {:.3} Nm",
+            torque.before, torque.after, torque.noise_floor
+        );
+        let counted: Vec<&str> = self
+            .counted
+            .iter()
+            .map(|found| found.because.as_str())
+            .collect();
+        let names: Vec<&str> = effects
+            .iter()
+            .map(|effect| effect.effect.as_str())
+            .collect();
+        let mut reason = match verdict {
+            Verdict::NoGap => format!(
+                "nothing beyond noise and the tolerance of the known values ({:.3} Nm)",
+                torque.before
+            ),
+            Verdict::Unexplained => {
+                format!(
+                    "a gap that no candidate accounts for: {sizes}; a torque {}",
+                    self.left_over()
+                )
+            }
+            Verdict::Ambiguous => format!(
+                "{} or what it is confused with: {sizes}",
+                names.join(" and ")
+            ),
+            Verdict::PartlyExplained => {
+                let named = names.join(" and ");
+                format!(
+                    "{named} and something else: {sizes}; a torque {} is left",
+                    self.left_over()
+                )
+            }
+            Verdict::Explained | Verdict::InsufficientData => {
+                format!("{}: {sizes}", names.join(" and "))
+            }
+        };
+        for because in counted {
+            reason.push_str("; ");
+            reason.push_str(because);
+        }
+        reason
+    }
+
+    /// Over what a torque of no named law lies.
+    fn left_over(&self) -> String {
+        beyond_twin(&self.last().structure).map_or_else(
+            || "of no shape".to_owned(),
+            |(over, _)| format!("over {over}"),
+        )
+    }
+
+    fn place(
+        &self,
+        before_nm: &[f64],
+        candidates: &[Candidate],
+        effects: &[NamedEffect],
+        has_gap: bool,
+    ) -> Where {
+        let mut stages: BTreeMap<Stage, f64> = BTreeMap::new();
+        for candidate in candidates {
+            if candidate.effect != "none" && candidate.effect != "unknown" {
+                *stages.entry(Stage::of(&candidate.effect)).or_default() += candidate.probability;
+            }
+        }
+        if stages.values().sum::<f64>() < 0.1 {
+            // nothing is named: what comes nearest says where to look
+            stages = self.nearest_stages();
+        }
+        let total: f64 = stages.values().sum();
+        for share in stages.values_mut() {
+            *share /= f64::max(total, 1e-300);
+        }
+        let named = effects.first().map(|effect| Stage::of(&effect.effect));
+        let likeliest = stages
+            .iter()
+            .max_by(|a, b| a.1.total_cmp(b.1))
+            .map(|(stage, _)| *stage);
+        Where {
+            stage: named.or(likeliest).filter(|_| has_gap),
+            stages,
+            signals: place::signals(self.search, before_nm),
+            regimes: place::regimes(self.search, before_nm),
+            bands: place::bands(self.search, before_nm),
+        }
+    }
+
+    fn nearest_stages(&self) -> BTreeMap<Stage, f64> {
+        let step = self.last();
+        let best = step
+            .standings
+            .effects
+            .first()
+            .map_or(0.0, |(_, nats)| *nats);
+        let mut stages = BTreeMap::new();
+        for (index, nats) in &step.standings.effects {
+            let stage = step.round.ranking.scored[*index].hypothesis.stage();
+            *stages.entry(stage).or_default() += (0.1 * (nats - best)).exp();
+        }
+        stages
+    }
+
+    pub fn traces(&self) -> Result<JointTraces, FilterError> {
+        let before_nm = self.search.residual_nm(&Model::default())?;
+        let after_nm = &self.explanation.refined.residual_nm;
+        let rows: Vec<usize> = (0..self.search.twin.rows.len())
+            .filter(|k| {
+                let row = &self.search.twin.rows[*k];
+                row.channel == Channel::Motor && row.stretch == 0
+            })
+            .collect();
+        let pick = |of: &dyn Fn(usize) -> f64| rows.iter().map(|k| of(*k)).collect::<Vec<f64>>();
+        let measured = &self.search.measured_nm;
+        Ok(JointTraces {
+            joint: self.name.to_owned(),
+            time_s: pick(&|k| self.search.twin.rows[k].time_s),
+            measured_nm: pick(&|k| measured[k]),
+            nominal_nm: pick(&|k| measured[k] - before_nm[k]),
+            augmented_nm: pick(&|k| measured[k] - after_nm[k]),
+        })
+    }
+}
+
+/// A kinematic error has up to three harmonics: one effect, numbered parameters.
+fn merge_harmonics(effects: &mut Vec<NamedEffect>) {
+    let mut merged: Vec<NamedEffect> = Vec::with_capacity(effects.len());
+    let mut harmonic = 1;
+    for effect in effects.drain(..) {
+        let first = merged
+            .iter_mut()
+            .find(|first| first.effect == "kinematic_error" && effect.effect == first.effect);
+        let Some(first) = first else {
+            merged.push(effect);
+            continue;
+        };
+        harmonic += 1;
+        let numbered = effect
+            .parameters
+            .into_iter()
+            .map(|(name, parameter)| (format!("{name}_{harmonic}"), parameter));
+        first.parameters.extend(numbered);
+        first.shrink_alone = first.shrink_alone.max(effect.shrink_alone);
+    }
+    *effects = merged;
+}
+
+/// How candidates of so many steps share: they answer what most of the gap is, and that is the first.
+fn parts(steps: usize) -> Vec<f64> {
+    let further = steps.saturating_sub(1);
+    let each = BESIDE / further.max(1) as f64;
+    let mut parts = vec![if further > 0 { 1.0 - BESIDE } else { 1.0 }];
+    parts.extend(vec![each; further]);
+    parts
+}
+
+fn probability_of(step: &Step, effect: &str) -> f64 {
+    step.probabilities
+        .iter()
+        .find(|p| p.effect == effect)
+        .map_or(0.0, |p| p.probability)
+}
+
+/// What a finding may be called: command and position show only the sum of both delays.
+pub(crate) fn names(found: &Found) -> &[&'static str] {
+    match found.effect {
+        Effect::CommandDelay { .. } => &["command_delay", "sensor_delay"],
+        Effect::CurrentLoopLag { .. } => &["current_loop_lag"],
+        Effect::DroppedCommands { .. } => &["dropped_commands"],
+        Effect::DroppedSamples { .. } => &["dropped_samples"],
+        Effect::VelocityFilterLag { .. } => &["velocity_filter_lag"],
+        _ => &["encoder_quantisation"],
+    }
+}
+
+fn counted_effect(found: &Found) -> NamedEffect {
+    let std = found.std;
+    let parameters = judge::numbers(&found.effect)
+        .into_iter()
+        .map(|(name, value)| {
+            let parameter = crate::report::Parameter {
+                value,
+                std,
+                at_bound: false,
+            };
+            (name, parameter)
+        })
+        .collect();
+    let side = match found.effect {
+        Effect::EncoderQuantisation { side, .. } => Some(format!("{side:?}").to_lowercase()),
+        _ => None,
+    };
+    NamedEffect {
+        effect: found.effect.name().to_owned(),
+        probability: COUNTED / names(found).len() as f64,
+        parameters,
+        side,
+        shrink_alone: 0.0,
+    }
+}
