@@ -369,9 +369,21 @@ pub struct BlindRunArguments {
     /// Folder for the predictions; cases that have one there are not diagnosed again
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
+    /// Predict by a simpler method instead, for comparison
+    #[arg(long, value_enum, value_name = "METHOD")]
+    pub baseline: Option<BaselineMethod>,
     /// Where to write what was done as JSON; - for standard output
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
+}
+
+/// A simpler method than the diagnosis.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub enum BaselineMethod {
+    /// The effect whose response alone explains most of the residual
+    LargestR2,
+    /// The effect with the smallest Bayesian information criterion, samples taken for independent
+    Bic,
 }
 
 /// `flexspline gap blind score`
@@ -386,6 +398,9 @@ pub struct BlindScoreArguments {
     /// Folder of predictions to stand beside them; may be given again
     #[arg(long, value_name = "DIR")]
     pub baseline: Vec<PathBuf>,
+    /// Fit the true effects of each case as well, to hold the shrink against; takes as long as the diagnosis
+    #[arg(long)]
+    pub oracle: bool,
     /// Page to write, with figures
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,

@@ -85,30 +85,17 @@ pub fn diagnose(
 ) -> Result<Diagnosis, DiagnoseError> {
     let begin = Instant::now();
     let tables: Vec<&Recording> = recordings.iter().map(|(_, recording)| recording).collect();
-    let first = tables.first().ok_or(DiagnoseError::Nothing)?;
+    if tables.is_empty() {
+        return Err(DiagnoseError::Nothing);
+    }
     let checked = Checked::of(robot, &tables);
     let against: Vec<Option<String>> = robot
         .joints
         .iter()
         .map(|joint| checked.against(&joint.name))
         .collect();
-    let mut report = Report {
-        schema: SCHEMA,
-        robot: robot.name.clone(),
-        recordings: recordings.iter().map(|(name, _)| name.clone()).collect(),
-        samples: tables.iter().map(|table| table.rows()).sum(),
-        seconds: tables.iter().map(|table| seconds(table)).sum(),
-        sample_rate_hz: first.sample_rate_hz,
-        twin: if control::is_known(robot) {
-            TwinKind::ClosedLoop
-        } else {
-            TwinKind::FollowsMotion
-        },
-        compute_seconds: 0.0,
-        shared_effects: Vec::new(),
-        joints: Vec::new(),
-        data: checked.report(),
-    };
+    let mut report = blank_report(robot, recordings)?;
+    report.data = checked.report();
     let mut traces = Vec::new();
     if against.iter().all(Option::is_some) {
         let blank = robot.joints.iter().zip(against);
@@ -116,22 +103,9 @@ pub fn diagnose(
             .map(|(joint, why)| insufficient(&joint.name, why.unwrap_or_default()))
             .collect();
     } else {
-        let counted: Vec<Vec<Found>> = robot
-            .joints
-            .iter()
-            .enumerate()
-            .map(|(index, joint)| match &against[index] {
-                None => samples::find(&tables, joint, delay_cycles(robot)),
-                Some(_) => Vec::new(),
-            })
-            .collect();
-        let mended = mend::recordings(&tables, robot, &counted);
-        let tables = match &mended {
-            Some(mended) => mended.iter().collect(),
-            None => tables,
-        };
-        let mended = mend::robot(robot, &counted);
-        let robot = &mended;
+        let prepared = prepared(robot, &tables, |index| against[index].is_none());
+        let tables = prepared.tables(&tables);
+        let (robot, counted) = (&prepared.robot, &prepared.counted);
         let stretches = stretches(&tables, robot)?;
         let twins = robot
             .joints
@@ -144,7 +118,7 @@ pub fn diagnose(
                 JointTwin::new(robot, index, &stretches)
             })
             .collect::<Result<Vec<_>, FilterError>>()?;
-        let (joints, shared) = searched(&twins, &counted, progress)?;
+        let (joints, shared) = searched(&twins, counted, progress)?;
         for (index, joint) in joints.iter().enumerate() {
             let name = &robot.joints[index].name;
             let Some((search, explanation)) = joint else {
@@ -174,6 +148,74 @@ pub fn diagnose(
     }
     report.compute_seconds = begin.elapsed().as_secs_f64();
     Ok(Diagnosis { report, traces })
+}
+
+/// Data and robot file with what the samples show taken out.
+pub(crate) struct Prepared {
+    pub robot: Robot,
+    /// Of each joint.
+    pub counted: Vec<Vec<Found>>,
+    mended: Option<Vec<Recording>>,
+}
+
+impl Prepared {
+    /// Mended recordings, or the ones given where nothing had to be mended.
+    pub fn tables<'a>(&'a self, given: &[&'a Recording]) -> Vec<&'a Recording> {
+        match &self.mended {
+            Some(mended) => mended.iter().collect(),
+            None => given.to_vec(),
+        }
+    }
+}
+
+/// Looks at the samples of the joints that can be diagnosed.
+pub(crate) fn prepared(
+    robot: &Robot,
+    tables: &[&Recording],
+    looks_at: impl Fn(usize) -> bool,
+) -> Prepared {
+    let counted: Vec<Vec<Found>> = robot
+        .joints
+        .iter()
+        .enumerate()
+        .map(|(index, joint)| {
+            if looks_at(index) {
+                samples::find(tables, joint, delay_cycles(robot))
+            } else {
+                Vec::new()
+            }
+        })
+        .collect();
+    Prepared {
+        robot: mend::robot(robot, &counted),
+        mended: mend::recordings(tables, robot, &counted),
+        counted,
+    }
+}
+
+/// A report that says nothing of any joint yet.
+pub(crate) fn blank_report(
+    robot: &Robot,
+    recordings: &[(String, Recording)],
+) -> Result<Report, DiagnoseError> {
+    let (_, first) = recordings.first().ok_or(DiagnoseError::Nothing)?;
+    Ok(Report {
+        schema: SCHEMA,
+        robot: robot.name.clone(),
+        recordings: recordings.iter().map(|(name, _)| name.clone()).collect(),
+        samples: recordings.iter().map(|(_, table)| table.rows()).sum(),
+        seconds: recordings.iter().map(|(_, table)| seconds(table)).sum(),
+        sample_rate_hz: first.sample_rate_hz,
+        twin: if control::is_known(robot) {
+            TwinKind::ClosedLoop
+        } else {
+            TwinKind::FollowsMotion
+        },
+        compute_seconds: 0.0,
+        shared_effects: Vec::new(),
+        joints: Vec::new(),
+        data: Vec::new(),
+    })
 }
 
 fn seconds(recording: &Recording) -> f64 {
@@ -277,7 +319,7 @@ fn shared_effect(robot: &Robot, joints: &[Searched<'_>], shared: &Shared) -> Sha
     }
 }
 
-fn insufficient(joint: &str, why: String) -> JointReport {
+pub(crate) fn insufficient(joint: &str, why: String) -> JointReport {
     JointReport {
         joint: joint.to_owned(),
         verdict: Verdict::InsufficientData,

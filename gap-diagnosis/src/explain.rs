@@ -170,6 +170,41 @@ pub fn explain(search: &Search<'_>, settled: &[Term]) -> Result<Explanation, Fil
     Ok(explanation)
 }
 
+/// Fits effects of given names, the one that takes off most first, without asking whether they are worth it.
+///
+/// # Errors
+/// [`FilterError`].
+pub fn with_structure(
+    search: &Search<'_>,
+    settled: &[Term],
+    names: &[&str],
+) -> Result<Refined, FilterError> {
+    let start = Model {
+        known: vec![0.0; search.twin.known.len()],
+        terms: settled.to_vec(),
+    };
+    let mut round = search.first(&start)?;
+    let mut refined = search.refine(&round, &start)?;
+    let mut open: Vec<&str> = names.to_vec();
+    while !open.is_empty() {
+        let scored = round.ranking.scored.iter();
+        let Some(best) = scored.clone().find(|s| open.contains(&s.hypothesis.effect)) else {
+            break;
+        };
+        open.retain(|name| *name != best.hypothesis.effect);
+        let mut model = refined.model.clone();
+        model.terms.push(Term {
+            hypothesis: best.hypothesis.clone(),
+            amplitudes: best.amplitudes.clone(),
+        });
+        refined = search.refine(&round, &model)?;
+        if !open.is_empty() {
+            round = search.next(&round, &refined.model)?;
+        }
+    }
+    Ok(refined)
+}
+
 /// Whether any channel shows more than noise and the twin's own errors.
 fn is_beyond_noise(search: &Search<'_>, model: &Model) -> Result<bool, FilterError> {
     let residual_nm = search.residual_nm(model)?;

@@ -1,6 +1,7 @@
 //! From recordings to the physical effect that explains why a robot is not as its robot file says.
 #![forbid(unsafe_code)]
 
+pub mod baseline;
 mod confuse;
 pub mod control;
 pub mod data;
@@ -15,6 +16,7 @@ pub mod known;
 pub mod load;
 pub mod mend;
 pub mod observe;
+pub mod oracle;
 pub mod place;
 pub mod rank;
 pub mod refine;

@@ -56,6 +56,8 @@ pub struct Judgement {
     pub statement: Option<Statement>,
     /// Of the effect named rightly.
     pub parameters: Vec<ParameterError>,
+    /// One or two effects: held-out shrink that was reported, and that with the true names.
+    pub shrink: Option<[f64; 2]>,
 }
 
 /// A statement about the joint in question.
@@ -94,7 +96,11 @@ impl Judgement {
 }
 
 /// Holds a prediction against the truth. `Err` says why there is none: then every answer asked for is wrong.
-pub(super) fn judge(label: &Label, predicted: Result<&Report, &str>) -> Judgement {
+pub(super) fn judge(
+    label: &Label,
+    predicted: Result<&Report, &str>,
+    oracle: Option<f64>,
+) -> Judgement {
     let kind = label.kind;
     let asked = |kinds: &[CaseKind]| kinds.contains(&kind);
     let view = predicted.ok().map(|report| View::new(label, report));
@@ -103,7 +109,10 @@ pub(super) fn judge(label: &Label, predicted: Result<&Report, &str>) -> Judgemen
     };
     let one = &[CaseKind::OneEffect];
     let statement = view.as_ref().and_then(View::statement);
+    let reported = view.as_ref().and_then(|view| view.joint);
+    let reported = reported.map_or(0.0, |joint| joint.gap.shrink);
     Judgement {
+        shrink: oracle.map(|oracle| [reported, oracle]),
         case: label.case.clone(),
         kind,
         rig: label.rig,
@@ -398,7 +407,7 @@ fn loudest(report: &Report) -> Option<&JointReport> {
 }
 
 /// The joint that the truth is about, if it is about one.
-fn asked_joint(label: &Label) -> Option<&str> {
+pub fn asked_joint(label: &Label) -> Option<&str> {
     let effect = label.effects.first().map(|effect| &effect.joint);
     let unlisted = label.unlisted.as_ref().map(|unlisted| &unlisted.joint);
     effect

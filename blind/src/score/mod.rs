@@ -24,7 +24,7 @@ use crate::rig::RigKind;
 use rate::{mean, median};
 
 pub use calibration::{Bin, Calibration};
-pub use judge::{Judgement, Statement};
+pub use judge::{Judgement, Statement, asked_joint};
 pub use parameters::ParameterError;
 pub use rate::Rate;
 
@@ -86,6 +86,8 @@ pub struct Measures {
     pub parameter_error: Option<f64>,
     /// Parameters within their 95 % interval.
     pub coverage: Rate,
+    /// One or two effects: mean shrink reported over mean shrink with the true names; none where no oracle was asked.
+    pub shrink_over_oracle: Option<f64>,
 }
 
 /// A value with a 95 % interval by resampling cases.
@@ -110,14 +112,21 @@ pub struct Confused {
     pub count: usize,
 }
 
-/// Scores predictions, by case name.
-pub fn score(labels: &[Label], predictions: &BTreeMap<String, Prediction>) -> Scores {
+/// Scores predictions, by case name, beside the shrink that an oracle reaches where it was asked.
+pub fn score(
+    labels: &[Label],
+    predictions: &BTreeMap<String, Prediction>,
+    oracle: &BTreeMap<String, f64>,
+) -> Scores {
     let judgements: Vec<Judgement> = labels
         .iter()
-        .map(|label| match predictions.get(&label.case) {
-            Some(Ok(report)) => judge::judge(label, Ok(report)),
-            Some(Err(reason)) => judge::judge(label, Err(reason)),
-            None => judge::judge(label, Err("no prediction")),
+        .map(|label| {
+            let predicted = match predictions.get(&label.case) {
+                Some(Ok(report)) => Ok(report),
+                Some(Err(reason)) => Err(reason.as_str()),
+                None => Err("no prediction"),
+            };
+            judge::judge(label, predicted, oracle.get(&label.case).copied())
         })
         .collect();
     let counted = |judgement: &&Judgement| {
@@ -197,6 +206,14 @@ impl Measures {
             not_separable: rate(|judgement| judgement.not_separable),
             parameter_error: median(parameters().filter_map(|error| error.relative).collect()),
             coverage: Rate::of(parameters().map(|error| error.covered)),
+            shrink_over_oracle: {
+                let shrinks = || judgements.iter().filter_map(|judgement| judgement.shrink);
+                let reported = mean(shrinks().map(|[reported, _]| reported));
+                let oracle = mean(shrinks().map(|[_, oracle]| oracle));
+                reported
+                    .zip(oracle)
+                    .map(|(reported, oracle)| reported / oracle.max(1e-9))
+            },
         }
     }
 }

@@ -165,7 +165,7 @@ fn scores_with(changes: &[(&str, Report)]) -> Scores {
     for (case, report) in changes {
         predictions.insert((*case).to_owned(), Ok(report.clone()));
     }
-    score(&labels(), &predictions)
+    score(&labels(), &predictions, &BTreeMap::new())
 }
 
 #[test]
@@ -252,7 +252,7 @@ fn a_name_left_out_costs_f1() {
 
 #[test]
 fn what_was_not_predicted_is_missed_but_no_alarm() {
-    let scores = score(&labels(), &BTreeMap::new());
+    let scores = score(&labels(), &BTreeMap::new(), &BTreeMap::new());
     assert_eq!((scores.without_prediction, scores.all.top_1.hits), (6, 0));
     assert_eq!(scores.all.false_alarms.hits, 0);
     assert_eq!(scores.misses.len(), 5);

@@ -4,12 +4,14 @@ use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
+use gap_diagnosis::baseline::{Baseline, baseline};
+use gap_diagnosis::diagnose::DiagnoseError;
 use gap_diagnosis::report::Report;
 use serde::Serialize;
 
 use super::make::progress_bar;
 use super::score::{FAILURE, Failure, REPORT};
-use crate::cli::BlindRunArguments;
+use crate::cli::{BaselineMethod, BlindRunArguments};
 use crate::error::CliError;
 use crate::output::{cannot_write, print, write_json};
 
@@ -42,7 +44,7 @@ pub fn run(arguments: &BlindRunArguments) -> Result<(), CliError> {
             done.already_there += 1;
         } else {
             fs::create_dir_all(&out).map_err(|error| cannot_write(&out, &error))?;
-            match predict(&arguments.cases.join(name)) {
+            match predict(&arguments.cases.join(name), arguments.baseline) {
                 Ok(report) => {
                     write_json(&report, &out.join(REPORT))?;
                     done.predicted += 1;
@@ -73,19 +75,26 @@ pub fn run(arguments: &BlindRunArguments) -> Result<(), CliError> {
 }
 
 /// The report on one case, or in one line why there is none.
-fn predict(case: &Path) -> Result<Report, String> {
+fn predict(case: &Path, method: Option<BaselineMethod>) -> Result<Report, String> {
     let [robot_path, recording_path] = blind::CASE_FILES.map(|name| case.join(name));
     let robot =
         robot::load(&robot_path.display().to_string()).map_err(|error| error.to_string())?;
     let recording = recording::read(&recording_path).map_err(|error| error.to_string())?;
     let name = blind::CASE_FILES[1].to_owned();
+    let recordings = [(name, recording)];
     let diagnosed = catch_unwind(AssertUnwindSafe(|| {
-        gap_diagnosis::diagnose(&robot, &[(name, recording)], &|_| {})
+        let method = match method {
+            None => {
+                let diagnosis = gap_diagnosis::diagnose(&robot, &recordings, &|_| {})?;
+                return Ok(diagnosis.report);
+            }
+            Some(BaselineMethod::LargestR2) => Baseline::LargestR2,
+            Some(BaselineMethod::Bic) => Baseline::Bic,
+        };
+        baseline(&robot, &recordings, method)
     }));
     match diagnosed {
-        Ok(diagnosis) => diagnosis
-            .map(|diagnosis| diagnosis.report)
-            .map_err(|error| error.to_string()),
+        Ok(report) => report.map_err(|error: DiagnoseError| error.to_string()),
         Err(_) => Err("the diagnosis panicked".to_owned()),
     }
 }

@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use blind::Label;
-use blind::score::{Prediction, Scores, score};
+use blind::score::{Prediction, Scores, asked_joint, score};
+use blind::{CaseKind, Label};
 use gap_diagnosis::report::Report;
 use serde::{Deserialize, Serialize};
 
+use super::make::progress_bar;
 use super::{page, table};
 use crate::cli::BlindScoreArguments;
 use crate::error::CliError;
@@ -59,15 +60,56 @@ pub fn score_all(arguments: &BlindScoreArguments) -> Result<(), CliError> {
         .map(|folder| read_all(folder, &names))
         .collect::<Result<Vec<_>, _>>()?;
     let labels = blind::unseal(&arguments.cases).map_err(CliError::input)?;
+    let oracle = if arguments.oracle {
+        oracle(&arguments.cases, &labels)?
+    } else {
+        BTreeMap::new()
+    };
     let scored: Vec<Scored> = folders
         .iter()
         .zip(&predictions)
         .map(|(folder, predictions)| Scored {
             name: name_of(folder),
-            scores: score(&labels, predictions),
+            scores: score(&labels, predictions, &oracle),
         })
         .collect();
     tell(arguments, &labels, &scored)
+}
+
+/// Shrink of each case with one or two effects at one joint, the true names told.
+fn oracle(cases: &Path, labels: &[Label]) -> Result<BTreeMap<String, f64>, CliError> {
+    let asked: Vec<&Label> = labels
+        .iter()
+        .filter(|label| matches!(label.kind, CaseKind::OneEffect | CaseKind::TwoEffects))
+        .collect();
+    let bar = progress_bar(asked.len());
+    let mut shrinks = BTreeMap::new();
+    for label in asked {
+        bar.inc(1);
+        let Some(name) = asked_joint(label) else {
+            continue;
+        };
+        let [robot_path, recording_path] =
+            blind::CASE_FILES.map(|file| cases.join(&label.case).join(file));
+        let robot = robot::load(&robot_path.display().to_string()).map_err(CliError::input)?;
+        let recording = recording::read(&recording_path).map_err(CliError::input)?;
+        let joint = robot.joints.iter().position(|joint| joint.name == name);
+        let names: Vec<&str> = label
+            .effects
+            .iter()
+            .filter(|effect| effect.joint.as_deref() == Some(name))
+            .map(|effect| effect.effect.name())
+            .collect();
+        let recordings = [(blind::CASE_FILES[1].to_owned(), recording)];
+        if let Some(joint) = joint
+            && let Some(shrink) = gap_diagnosis::oracle::shrink(&robot, &recordings, joint, &names)
+                .map_err(CliError::input)?
+        {
+            shrinks.insert(label.case.clone(), shrink);
+        }
+    }
+    bar.finish_and_clear();
+    Ok(shrinks)
 }
 
 fn tell(

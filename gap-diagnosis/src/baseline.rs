@@ -1,0 +1,199 @@
+//! What simpler methods say of the same twin and the same responses, to stand beside the diagnosis: the effect with the
+//! largest marginal R², and plain BIC, which takes samples for independent.
+
+use std::collections::BTreeMap;
+
+use joint_model::filter::FilterError;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use recording::Recording;
+use robot::Robot;
+
+use crate::diagnose::{DiagnoseError, blank_report, insufficient};
+use crate::judge;
+use crate::observe::Channel;
+use crate::rank::Round;
+use crate::report::{
+    BeforeAfter, Candidate, Gap, JointReport, NamedEffect, Remaining, Report, Verdict, Where,
+};
+use crate::search::{Model, Search, Term};
+use crate::stretch::stretches;
+use crate::twin::JointTwin;
+
+/// A method that people use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Baseline {
+    /// The effect whose response alone explains most of the residual.
+    LargestR2,
+    /// The effect with the smallest Bayesian information criterion, known values refitted, samples independent.
+    Bic,
+}
+
+/// Less than this part of the residual is nothing, to the largest R².
+const R2_MIN: f64 = 0.05;
+
+/// One choice and what it leaves.
+struct Choice {
+    effect: &'static str,
+    term: Option<Term>,
+    /// Ranks and weighs: the larger the better.
+    score: f64,
+}
+
+/// Diagnoses by a baseline: names and values only.
+///
+/// # Errors
+/// [`DiagnoseError`].
+pub fn baseline(
+    robot: &Robot,
+    recordings: &[(String, Recording)],
+    method: Baseline,
+) -> Result<Report, DiagnoseError> {
+    let tables: Vec<&Recording> = recordings.iter().map(|(_, recording)| recording).collect();
+    let mut report = blank_report(robot, recordings)?;
+    let stretches = stretches(&tables, robot)?;
+    report.joints = (0..robot.joints.len())
+        .into_par_iter()
+        .map(|index| {
+            let name = &robot.joints[index].name;
+            let Some(twin) = JointTwin::new(robot, index, &stretches)? else {
+                let why = "nothing tells the joint's torque".to_owned();
+                return Ok(insufficient(name, why));
+            };
+            let search = Search::new(&twin)?;
+            let start = Model {
+                known: vec![0.0; twin.known.len()],
+                terms: Vec::new(),
+            };
+            let round = search.first(&start)?;
+            Ok(told(name, &search, choices(&round, method)))
+        })
+        .collect::<Result<Vec<_>, FilterError>>()?;
+    Ok(report)
+}
+
+fn choices(round: &Round, method: Baseline) -> Vec<Choice> {
+    let linear = &round.linear;
+    let target = DVector::from_column_slice(&linear.residual_nm);
+    let beside: &[Vec<f64>] = match method {
+        Baseline::LargestR2 => &[],
+        Baseline::Bic => &linear.known,
+    };
+    let rows = target.len() as f64;
+    let (without, _) = least_squares(beside, &[], &target);
+    let bic = |square: f64, values: usize| {
+        -0.5 * (rows * (square / rows).max(1e-300).ln() + values as f64 * rows.ln())
+    };
+    let mut all: Vec<Choice> = linear
+        .hypotheses
+        .par_iter()
+        .map(|(hypothesis, own)| {
+            let (left, amplitudes) = least_squares(beside, own, &target);
+            Choice {
+                effect: hypothesis.effect,
+                score: match method {
+                    Baseline::LargestR2 => 1.0 - left / without.max(1e-300),
+                    Baseline::Bic => bic(left, beside.len() + own.len() + hypothesis.shape.len()),
+                },
+                term: Some(Term {
+                    hypothesis: hypothesis.clone(),
+                    amplitudes,
+                }),
+            }
+        })
+        .collect();
+    all.push(Choice {
+        effect: "none",
+        term: None,
+        score: match method {
+            Baseline::LargestR2 => R2_MIN,
+            Baseline::Bic => bic(without, beside.len()),
+        },
+    });
+    all.sort_by(|a, b| b.score.total_cmp(&a.score));
+    let mut seen: Vec<&str> = Vec::new();
+    all.retain(|choice| {
+        let is_new = !seen.contains(&choice.effect);
+        seen.push(choice.effect);
+        is_new
+    });
+    all
+}
+
+/// Squares left, and the coefficients of the own columns.
+fn least_squares(beside: &[Vec<f64>], own: &[Vec<f64>], target: &DVector<f64>) -> (f64, Vec<f64>) {
+    let columns: Vec<&Vec<f64>> = beside.iter().chain(own).collect();
+    if columns.is_empty() {
+        return (target.norm_squared(), Vec::new());
+    }
+    let matrix = DMatrix::from_fn(target.len(), columns.len(), |row, k| columns[k][row]);
+    let mut normal = matrix.tr_mul(&matrix);
+    for k in 0..normal.nrows() {
+        normal[(k, k)] += 1e-9 * normal[(k, k)] + 1e-12;
+    }
+    let Some(normal) = normal.cholesky() else {
+        return (target.norm_squared(), vec![0.0; own.len()]);
+    };
+    let found = normal.solve(&matrix.tr_mul(target));
+    let left = (target - &matrix * &found).norm_squared();
+    (left, found.iter().skip(beside.len()).copied().collect())
+}
+
+fn told(name: &str, search: &Search<'_>, choices: Vec<Choice>) -> JointReport {
+    let best = choices[0].score;
+    let weight = |choice: &Choice| (choice.score - best).exp();
+    let sum: f64 = choices.iter().map(weight).sum();
+    let mut candidates: Vec<Candidate> = choices
+        .iter()
+        .map(|choice| Candidate {
+            effect: choice.effect.to_owned(),
+            probability: weight(choice) / sum,
+        })
+        .collect();
+    candidates.push(Candidate {
+        effect: "unknown".to_owned(),
+        probability: 0.0,
+    });
+    let effects: Vec<NamedEffect> = choices[0]
+        .term
+        .iter()
+        .map(|term| NamedEffect {
+            effect: choices[0].effect.to_owned(),
+            probability: candidates[0].probability,
+            parameters: judge::term_parameters(search, term, &DMatrix::zeros(0, 0)).0,
+            side: None,
+            shrink_alone: 0.0,
+        })
+        .collect();
+    let stage = choices[0].term.as_ref().map(|term| term.hypothesis.stage());
+    let before_nm = judge::Squares::of(search, &search.measured_nm, Channel::Motor).mean();
+    JointReport {
+        joint: name.to_owned(),
+        verdict: if effects.is_empty() {
+            Verdict::NoGap
+        } else {
+            Verdict::Explained
+        },
+        reason: "a baseline: names only".to_owned(),
+        effects,
+        candidates,
+        confusable: Vec::new(),
+        place: Where {
+            stage,
+            stages: stage
+                .map(|stage| BTreeMap::from([(stage, 1.0)]))
+                .unwrap_or_default(),
+            ..Where::default()
+        },
+        gap: Gap {
+            torque_rms_nm: BeforeAfter {
+                before: before_nm.sqrt(),
+                after: before_nm.sqrt(),
+                noise_floor: search.twin_floor_nm(Channel::Motor),
+                held_out: false,
+            },
+            ..Gap::default()
+        },
+        remaining: Remaining::Structured,
+    }
+}
