@@ -10,11 +10,11 @@ use crate::rank::{Ranking, Scored};
 /// By how much evidence is tempered.
 const TEMPER: f64 = 0.5;
 /// What naming any effect costs: a gap must be worth it.
-const NAMING: f64 = 6.0;
+const NAMING: f64 = 7.0;
 /// What each fitted value costs beyond the first.
 const VALUE: f64 = 1.5;
 /// What an effect costs beside that whose cycles are the best of very many.
-const AMONG_MANY: f64 = 10.0;
+const AMONG_MANY: f64 = 14.0;
 /// What an effect costs beside that which shows at reversals, where friction before it slips is nobody's law.
 const AT_REVERSALS: f64 = 14.0;
 const AT_REVERSALS_ALWAYS: [&str; 3] = [

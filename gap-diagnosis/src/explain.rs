@@ -10,6 +10,8 @@ use crate::search::{Model, Search, Term};
 
 /// The most effects of one joint.
 pub const EFFECTS_MAX: usize = 3;
+/// How often the effects that were added are looked at again.
+const SWEEPS: usize = 2;
 /// Effects that are fitted by simulation, not only by their linear response, before one is chosen.
 const REFITTED: usize = 4;
 /// Nats within which another effect is refitted too.
@@ -51,7 +53,7 @@ pub struct Step {
     /// The leading effects, fitted by simulation, best first.
     refitted: Vec<Refitted>,
     /// What the best of them is worth.
-    best_nats: f64,
+    pub best_nats: f64,
 }
 
 /// An effect fitted by simulation.
@@ -123,51 +125,116 @@ pub fn explain(search: &Search<'_>, settled: &[Term]) -> Result<Explanation, Fil
     };
     let round = search.first(&start)?;
     let without = search.refine(&round, &start)?;
-    let mut step = Step::new(search, round, &without)?;
+    let mut first = Step::new(search, round, &without)?;
     if !is_beyond_noise(search, &start)? {
-        step.quiet();
+        first.quiet();
     }
-    let first = step.clone();
-    let mut refined = without.clone();
-    let mut rounds = Vec::new();
-    loop {
-        let room = refined.model.terms.len() < settled.len() + EFFECTS_MAX;
-        let first_nats = rounds.first().map(|first: &Step| first.best_nats);
-        let worth = |best: &Refitted| match first_nats {
-            None => 0.0,
-            Some(nats) if best.is_companion(&refined.model) => nats * COMPANION_PART,
-            Some(nats) => (nats * FURTHER_PART).max(FURTHER_NATS),
-        };
-        let chosen = step
-            .refitted
-            .iter()
-            .find(|best| room && best.nats >= worth(best))
-            .cloned();
-        let Some(best) = chosen else {
-            rounds.push(step);
+    let mut growing = Growing {
+        search,
+        settled: settled.len(),
+        first: &first.round,
+        refined: without.clone(),
+        added: Vec::new(),
+        last: first.clone(),
+    };
+    growing.grow()?;
+    for _ in 0..SWEEPS {
+        if growing.added.len() < 2 || !growing.reconsider()? {
             break;
-        };
-        step.added = Some(best.effect);
-        step.best_nats = best.nats;
-        let next = search.next(&step.round, &best.refined.model)?;
-        let next = Step::new(search, next, &best.refined)?;
-        rounds.push(std::mem::replace(&mut step, next));
-        refined = best.refined;
+        }
+        growing.grow()?;
     }
+    let mut rounds = growing.added;
+    rounds.push(growing.last);
     let explanation = Explanation {
-        refined,
-        without,
+        refined: growing.refined,
+        without: without.clone(),
         rounds,
     };
     if explanation.named_nats() > 0.0 && explanation.remains() == Remains::Most {
         // names that leave most of it would be wrong names
         return Ok(Explanation {
-            refined: explanation.without.clone(),
-            without: explanation.without,
+            refined: without.clone(),
+            without,
             rounds: vec![first],
         });
     }
     Ok(explanation)
+}
+
+/// An explanation in the making. Effects of the model beyond the settled ones are in the order of `added`.
+struct Growing<'a, 's> {
+    search: &'a Search<'s>,
+    settled: usize,
+    first: &'a Round,
+    refined: Refined,
+    added: Vec<Step>,
+    last: Step,
+}
+
+impl Growing<'_, '_> {
+    /// Adds effects one at a time while they are worth it.
+    fn grow(&mut self) -> Result<(), FilterError> {
+        while self.added.len() < EFFECTS_MAX {
+            let worth = |best: &&Refitted| best.nats >= self.worth(best);
+            let Some(best) = self.last.refitted.iter().find(worth).cloned() else {
+                break;
+            };
+            let next = self.search.next(self.first, &best.refined.model)?;
+            let next = Step::new(self.search, next, &best.refined)?;
+            let step = std::mem::replace(&mut self.last, next);
+            self.added.push(step.with(&best));
+            self.refined = best.refined;
+        }
+        Ok(())
+    }
+
+    /// What an effect must be worth beside those already added.
+    fn worth(&self, best: &Refitted) -> f64 {
+        let most = self.added.iter().map(|step| step.best_nats);
+        let Some(most) = most.max_by(f64::total_cmp) else {
+            return 0.0;
+        };
+        if best.is_companion(&self.refined.model) {
+            most * COMPANION_PART
+        } else {
+            (most * FURTHER_PART).max(FURTHER_NATS)
+        }
+    }
+
+    /// Takes each effect out and asks again what belongs beside the others: the first may have stood for a part of what
+    /// came later. True if anything changed.
+    fn reconsider(&mut self) -> Result<bool, FilterError> {
+        let mut changed = false;
+        for _ in 0..self.added.len() {
+            let before = self.added.remove(0);
+            let mut model = self.refined.model.clone();
+            model.terms.remove(self.settled);
+            let base = self.search.refine(self.first, &model)?;
+            let step = self.search.next(self.first, &base.model)?;
+            let step = Step::new(self.search, step, &base)?;
+            let kept = std::mem::replace(&mut self.refined, base);
+            let best = step.refitted.first().cloned();
+            match best.filter(|best| best.nats >= self.worth(best)) {
+                Some(best) => {
+                    changed |= Some(best.effect) != before.added;
+                    self.added.push(step.with(&best));
+                    self.refined = best.refined;
+                }
+                None if self.added.is_empty() => {
+                    // the last one stays what it was
+                    self.refined = kept;
+                    self.added.push(before);
+                }
+                None => changed = true,
+            }
+        }
+        if changed {
+            let last = self.search.next(self.first, &self.refined.model)?;
+            self.last = Step::new(self.search, last, &self.refined)?;
+        }
+        Ok(changed)
+    }
 }
 
 /// Fits effects of given names, the one that takes off most first, without asking whether they are worth it.
@@ -269,6 +336,13 @@ impl Step {
             refitted,
             added: None,
         })
+    }
+
+    /// The step, with what was added.
+    fn with(mut self, best: &Refitted) -> Self {
+        self.added = Some(best.effect);
+        self.best_nats = best.nats;
+        self
     }
 
     /// Nothing beyond noise: no explanation is worth naming.

@@ -11,7 +11,7 @@ use crate::search::{Model, PLAUSIBLE_STEPS, Search, difference};
 /// The smallest part of a step that is tried.
 const SHARE_MIN: f64 = 0.02;
 /// Gauss-Newton steps.
-const STEPS: usize = 4;
+const STEPS: usize = 8;
 
 struct Step {
     coefficients: Vec<f64>,

@@ -22,7 +22,7 @@ const TWIN_SLOW_S: f64 = 0.15;
 /// Standard deviations that a known value may move: beyond that it is a finding.
 const TOLERANCE: f64 = 3.0;
 /// No effect is larger than some of these steps: keeps what the motion does not excite from taking any value.
-pub(crate) const PLAUSIBLE_STEPS: f64 = 1000.0;
+pub(crate) const PLAUSIBLE_STEPS: f64 = 200.0;
 
 /// An effect with its fitted amplitudes.
 #[derive(Clone, Debug, PartialEq)]

@@ -122,7 +122,7 @@ impl Told<'_> {
         } else {
             BESIDE
         };
-        for (step, part) in steps.iter().zip(parts(steps.len())) {
+        for (step, part) in steps.iter().zip(parts(&steps)) {
             let share = rest * (1.0 - unknown) * part;
             for p in &step.probabilities {
                 *sums.entry(p.effect).or_default() += share * p.probability;
@@ -326,13 +326,18 @@ fn merge_harmonics(effects: &mut Vec<NamedEffect>) {
     *effects = merged;
 }
 
-/// How candidates of so many steps share: they answer what most of the gap is, and that is the first.
-fn parts(steps: usize) -> Vec<f64> {
-    let further = steps.saturating_sub(1);
-    let each = BESIDE / further.max(1) as f64;
-    let mut parts = vec![if further > 0 { 1.0 - BESIDE } else { 1.0 }];
-    parts.extend(vec![each; further]);
-    parts
+/// How the candidates of several steps share: they answer what most of the gap is.
+fn parts(steps: &[&Step]) -> Vec<f64> {
+    let most = steps.iter().enumerate();
+    let most = most.max_by(|a, b| a.1.best_nats.total_cmp(&b.1.best_nats));
+    let further = steps.len().saturating_sub(1).max(1) as f64;
+    (0..steps.len())
+        .map(|index| match most {
+            Some((main, _)) if main != index => BESIDE / further,
+            _ if steps.len() > 1 => 1.0 - BESIDE,
+            _ => 1.0,
+        })
+        .collect()
 }
 
 fn probability_of(step: &Step, effect: &str) -> f64 {
