@@ -65,19 +65,16 @@ fn variance(ranking: &Ranking) -> f64 {
 
 fn nats(ranking: &Ranking, scored: &Scored, variance: f64) -> f64 {
     let errors = ranking.none.total() - scored.held_out.total();
-    worth(
-        scored,
-        errors / variance + ranking.none_strain - scored.strain,
-        ranking.sees_torsion,
-    )
+    let spared = ranking.none_strain - scored.strain;
+    worth(ranking, scored, errors / variance + spared)
 }
 
 /// What taking so much off squares and strain is worth for this effect.
-fn worth(scored: &Scored, gain: f64, sees_torsion: bool) -> f64 {
+fn worth(ranking: &Ranking, scored: &Scored, gain: f64) -> f64 {
     let values = scored.amplitudes.len() + scored.hypothesis.shape.len();
     let effect = scored.hypothesis.effect;
     let at_reversals = AT_REVERSALS_ALWAYS.contains(&effect)
-        || !sees_torsion && AT_REVERSALS_UNSEEN.contains(&effect);
+        || !ranking.sees_torsion && AT_REVERSALS_UNSEEN.contains(&effect);
     let beside = if at_reversals {
         AT_REVERSALS
     } else if scored.hypothesis.is_periodic() {
@@ -85,7 +82,8 @@ fn worth(scored: &Scored, gain: f64, sees_torsion: bool) -> f64 {
     } else {
         0.0
     };
-    let nats = tempered_nats(gain, values) - beside;
+    let beside = beside + (ranking.joints as f64).ln();
+    let nats = tempered_nats(gain - ranking.roughness, values) - beside;
     // a response that is no number explains nothing
     if nats.is_finite() { nats } else { NOTHING }
 }
@@ -141,7 +139,7 @@ impl Standings {
         let variance = (least / ranking.rows.max(1) as f64).max(1.0);
         let value = |index: usize, left: f64| {
             let gain = (without - left) / variance;
-            worth(&ranking.scored[index], gain, ranking.sees_torsion)
+            worth(ranking, &ranking.scored[index], gain)
         };
         // the others stay as far behind the last that was simulated as their linear responses were
         let last = left

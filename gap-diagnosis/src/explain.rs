@@ -10,6 +10,8 @@ use crate::search::{Model, Search, Term};
 
 /// The most effects of one joint.
 pub const EFFECTS_MAX: usize = 3;
+/// What is left below this part of the squared floor, known values fitted, is within the twin's own errors.
+const WITHIN_TWIN: f64 = 0.3;
 /// How often the effects that were added are looked at again.
 const SWEEPS: usize = 2;
 /// Effects that are fitted by simulation, not only by their linear response, before one is chosen.
@@ -46,6 +48,8 @@ pub struct Step {
     pub probabilities: Vec<Probability>,
     /// Effect that was added.
     pub added: Option<&'static str>,
+    /// The model that effects were tried beside, known values fitted.
+    pub base: Refined,
     /// What torques of no named law would be worth: over what, and nats.
     pub structure: Vec<(&'static str, f64)>,
     /// Effects refitted by simulation, with the squares and strain that they leave.
@@ -123,20 +127,22 @@ pub fn explain(search: &Search<'_>, settled: &[Term]) -> Result<Explanation, Fil
         known: vec![0.0; search.twin.known.len()],
         terms: settled.to_vec(),
     };
-    let round = search.first(&start)?;
-    let without = search.refine(&round, &start)?;
+    let (round, without) = known_fitted(search, &start)?;
     let mut first = Step::new(search, round, &without)?;
-    if !is_beyond_noise(search, &start)? {
+    let is_gap = is_beyond(search, &search.residual_nm(&start)?, 1.0)
+        && is_beyond(search, &without.residual_nm, WITHIN_TWIN);
+    if !is_gap {
         first.quiet();
     }
     let mut growing = Growing {
         search,
         settled: settled.len(),
         first: &first.round,
-        refined: without.clone(),
+        refined: first.base.clone(),
         added: Vec::new(),
         last: first.clone(),
     };
+    let without = first.base.clone();
     growing.grow()?;
     for _ in 0..SWEEPS {
         if growing.added.len() < 2 || !growing.reconsider()? {
@@ -184,7 +190,7 @@ impl Growing<'_, '_> {
             let next = Step::new(self.search, next, &best.refined)?;
             let step = std::mem::replace(&mut self.last, next);
             self.added.push(step.with(&best));
-            self.refined = best.refined;
+            self.refined = self.last.base.clone();
         }
         Ok(())
     }
@@ -232,6 +238,7 @@ impl Growing<'_, '_> {
         if changed {
             let last = self.search.next(self.first, &self.refined.model)?;
             self.last = Step::new(self.search, last, &self.refined)?;
+            self.refined = self.last.base.clone();
         }
         Ok(changed)
     }
@@ -250,8 +257,7 @@ pub fn with_structure(
         known: vec![0.0; search.twin.known.len()],
         terms: settled.to_vec(),
     };
-    let mut round = search.first(&start)?;
-    let mut refined = search.refine(&round, &start)?;
+    let (mut round, mut refined) = known_fitted(search, &start)?;
     let mut open: Vec<&str> = names.to_vec();
     while !open.is_empty() {
         let scored = round.ranking.scored.iter();
@@ -272,13 +278,46 @@ pub fn with_structure(
     Ok(refined)
 }
 
-/// Whether any channel shows more than noise and the twin's own errors.
-fn is_beyond_noise(search: &Search<'_>, model: &Model) -> Result<bool, FilterError> {
-    let residual_nm = search.residual_nm(model)?;
-    Ok(search.twin.channels.iter().any(|&channel| {
-        let square = Squares::of(search, &residual_nm, channel).mean();
-        square > search.twin_floor_nm(channel).powi(2)
-    }))
+/// The base, or a better fit of it: an effect that is not there may still have led its fit to better known values.
+fn best_base(
+    search: &Search<'_>,
+    round: &Round,
+    base: &Refined,
+    refitted: &[(usize, f64, Refined)],
+) -> Result<Refined, FilterError> {
+    let mut best = base.clone();
+    let mut least = search.objective(&best.model, &best.residual_nm);
+    for (_, left, refined) in refitted {
+        let mut stripped = refined.model.clone();
+        stripped.terms.pop();
+        if *left >= least {
+            continue;
+        }
+        let residual_nm = search.residual_nm(&stripped)?;
+        if search.objective(&stripped, &residual_nm) < least {
+            best = search.refine(round, &stripped)?;
+            least = search.objective(&best.model, &best.residual_nm);
+        }
+    }
+    Ok(best)
+}
+
+/// Known values fitted, and everything beside them. They do not respond in proportion: their responses are found again
+/// where the first fit ends.
+fn known_fitted(search: &Search<'_>, start: &Model) -> Result<(Round, Refined), FilterError> {
+    let round = search.known_alone(start)?;
+    let rough = search.refine(&round, start)?;
+    let round = search.first(&rough.model)?;
+    let fitted = search.refine(&round, &rough.model)?;
+    Ok((round, fitted))
+}
+
+/// Whether any channel shows more than so many times noise and the twin's own errors, as squares.
+fn is_beyond(search: &Search<'_>, residual_nm: &[f64], times: f64) -> bool {
+    search.twin.channels.iter().any(|&channel| {
+        let square = Squares::of(search, residual_nm, channel).mean();
+        square > times * search.twin_floor_nm(channel).powi(2)
+    })
 }
 
 impl Step {
@@ -310,9 +349,10 @@ impl Step {
             }
         }
         let left: Vec<(usize, f64)> = refitted.iter().map(|(i, o, _)| (*i, *o)).collect();
-        let structure = search.structure(&round, base);
-        let base = search.objective(&base.model, &base.residual_nm);
-        standings.refit(&round.ranking, base, &left);
+        let base = best_base(search, &round, base, &refitted)?;
+        let structure = search.structure(&round, &base);
+        let without = search.objective(&base.model, &base.residual_nm);
+        standings.refit(&round.ranking, without, &left);
         let mut refitted: Vec<Refitted> = refitted
             .into_iter()
             .map(|(index, _, refined)| Refitted {
@@ -328,6 +368,7 @@ impl Step {
             .collect();
         Ok(Self {
             best_nats: refitted.first().map_or(0.0, |best| best.nats),
+            base,
             structure,
             left,
             probabilities: standings.probabilities(&round.ranking),

@@ -22,6 +22,8 @@ const PAYLOAD_STEP_M: f64 = 0.1;
 const TILT_STEP_RAD: f64 = 0.005;
 const OFFSET_STEP_RAD: f64 = 0.002;
 const LAG_STEP_S: f64 = 5e-4;
+/// A drive whose torque reaches this part of the largest command does not saturate.
+const SATURATED: f64 = 0.97;
 
 /// Sizes of a joint, by which steps are chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,6 +40,9 @@ pub struct Scale {
     pub stiffness_is_known: bool,
     /// Largest torque but for a few samples, motor side.
     pub motor_torque_nm: f64,
+    /// Whether the drive may have given less than it was commanded: its reported torque stays below the command's
+    /// peaks, or it reports none.
+    pub may_saturate: bool,
     /// Rotor and link, joint side.
     pub inertia_kg_m2: f64,
     /// Between two samples.
@@ -57,6 +62,10 @@ impl Scale {
             values.sort_by(f64::total_cmp);
             values
         };
+        let largest = |column: &dyn Fn(&JointStretch) -> &[f64]| {
+            let values = stretches.iter().flat_map(|stretch| column(stretch));
+            values.map(|value| value.abs()).fold(0.0, f64::max)
+        };
         let high = |values: &[f64]| values[(0.99 * (values.len() - 1) as f64) as usize];
         let torque_nm = high(&all(|stretch| &stretch.torque_nm));
         let speed_rad_s = high(&all(|stretch| &stretch.load.velocity_rad_s)).max(1e-3);
@@ -69,6 +78,11 @@ impl Scale {
             stiffness_nm_rad: model.stiffness_nm_rad,
             stiffness_is_known: model.stiffness_is_known,
             motor_torque_nm: torque_nm / model.gear_ratio,
+            may_saturate: stretches
+                .iter()
+                .all(|stretch| !stretch.has_torque_beside_command)
+                || largest(&|stretch| &stretch.torque_nm)
+                    < SATURATED * largest(&|stretch| &stretch.drive.command_nm),
             inertia_kg_m2: model.rotor_inertia_kg_m2 + inertia[inertia.len() / 2],
             period_s: stretches[0].drive.period_s,
             motor_turns: motor_turns(model.gear_ratio, stretches),
@@ -184,7 +198,7 @@ pub fn plain(
     add("thermal_friction_drift", Form::FirstOrderDrift, &[8.0]);
     add("torque_constant_error", Form::Gain, &[]);
     add("torque_offset", Form::Offset, &[]);
-    if has_command {
+    if has_command && scale.may_saturate {
         for part in [0.95, 0.85, 0.7, 0.5] {
             add(
                 "torque_saturation",

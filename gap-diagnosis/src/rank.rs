@@ -62,6 +62,10 @@ pub struct Ranking {
     pub scored: Vec<Scored>,
     /// Compared numbers.
     pub rows: usize,
+    /// By how much squares change with nothing: a joint that sticks and slips is never simulated twice alike.
+    pub roughness: f64,
+    /// Joints of the robot: among more of them something looks like an effect by chance.
+    pub joints: usize,
     /// Whether a second encoder or a torque sensor shows how the gear twists.
     pub sees_torsion: bool,
 }
@@ -107,6 +111,20 @@ impl Round {
 }
 
 impl Search<'_> {
+    /// Known values alone, beside a model.
+    ///
+    /// # Errors
+    /// [`FilterError`].
+    pub fn known_alone(&self, model: &Model) -> Result<Round, FilterError> {
+        let base = self.twin.simulated(&model.changes(&self.scale), None)?;
+        let linear = Linear {
+            residual_nm: difference(&self.measured_nm, &base),
+            known: self.known_columns(&base, model)?,
+            hypotheses: Vec::new(),
+        };
+        Ok(self.round(model.clone(), linear, 0.0))
+    }
+
     /// All hypotheses, beside a model.
     ///
     /// # Errors
@@ -125,7 +143,8 @@ impl Search<'_> {
         linear
             .hypotheses
             .extend(self.columns(&base, &model, periodic)?);
-        Ok(self.round(model, linear))
+        let roughness = self.roughness(&model)?;
+        Ok(self.round(model, linear, roughness))
     }
 
     /// All hypotheses, beside a model with effects: responses about the model before are good enough to choose those
@@ -151,11 +170,12 @@ impl Search<'_> {
             .map(|scored| scored.hypothesis.clone())
             .collect();
         linear.hypotheses = self.columns(&base, &model, anew)?;
-        Ok(self.round(model, linear))
+        Ok(self.round(model, linear, before.ranking.roughness))
     }
 
-    fn round(&self, model: Model, linear: Linear) -> Round {
-        let (ranking, blocks) = self.scored(&model, &linear);
+    fn round(&self, model: Model, linear: Linear, roughness: f64) -> Round {
+        let (mut ranking, blocks) = self.scored(&model, &linear);
+        ranking.roughness = roughness;
         Round {
             model,
             ranking,
@@ -183,7 +203,10 @@ impl Search<'_> {
         for (hypothesis, columns) in &linear.hypotheses {
             bounds.extend(columns.iter().map(|_| Self::hypothesis_bound(hypothesis)));
         }
-        let blocks = Blocks::new(&white, &target, bounds, rows);
+        // the prior is about the file's values, not about the model's
+        let mut prior_means: Vec<f64> = model.known.iter().map(|moved| -moved).collect();
+        prior_means.resize(bounds.len(), 0.0);
+        let blocks = Blocks::new(&white, &target, bounds, rows).with_prior_means(&prior_means);
         let known: Vec<usize> = (0..linear.known.len()).collect();
         let none = blocks.held_out(&known);
         let without = blocks.fit(&known);
@@ -225,6 +248,8 @@ impl Search<'_> {
             none_strain,
             scored,
             rows: blocks.rows(),
+            roughness: 0.0,
+            joints: self.twin.joints(),
             sees_torsion: [Channel::Torsion, Channel::Link]
                 .iter()
                 .any(|channel| self.twin.channels.contains(channel)),

@@ -11,6 +11,8 @@ use crate::twin::{Changes, Row};
 
 /// Peaks over the motor angle that are tried.
 const PEAKS: usize = 2;
+/// Standard deviations by which a known value is moved to find its response.
+const PROBE: f64 = 0.3;
 
 /// A hypothesis with the channels' response to each of its amplitudes.
 pub(crate) type Columns = (Hypothesis, Vec<Vec<f64>>);
@@ -72,7 +74,12 @@ impl Search<'_> {
     ) -> Result<Vec<Vec<f64>>, FilterError> {
         (0..self.twin.known.len())
             .into_par_iter()
-            .map(|index| self.response(base, model, |changes| changes.known[index] += 1.0))
+            .map(|index| {
+                let mut column =
+                    self.response(base, model, |changes| changes.known[index] += PROBE)?;
+                column.iter_mut().for_each(|value| *value /= PROBE);
+                Ok(column)
+            })
             .collect()
     }
 

@@ -14,6 +14,9 @@ use crate::whiten::{Floor, Whitener};
 
 /// Runs of the twin with noise, of which the mean is taken.
 const NOISY_RUNS: u64 = 6;
+/// Runs of the twin that differ by next to nothing, and by how much, in standard deviations of the known values.
+const ROUGH_RUNS: u64 = 6;
+const NEXT_TO_NOTHING: f64 = 0.02;
 /// What the twin itself is off, as parts of the friction: from sample to sample, and slowly.
 const TWIN_QUICK: f64 = 0.002;
 const TWIN_SLOW: f64 = 0.006;
@@ -175,6 +178,26 @@ impl<'a> Search<'a> {
     pub fn residual_nm(&self, model: &Model) -> Result<Vec<f64>, FilterError> {
         let simulated = self.twin.simulated(&model.changes(&self.scale), None)?;
         Ok(difference(&self.measured_nm, &simulated))
+    }
+
+    /// Range of squares and strain over models that differ by next to nothing.
+    pub(crate) fn roughness(&self, model: &Model) -> Result<f64, FilterError> {
+        let objectives = (0..ROUGH_RUNS)
+            .into_par_iter()
+            .map(|run| {
+                let mut beside = model.clone();
+                beside.known.resize(self.twin.known.len(), 0.0);
+                let mut random = uniform(run);
+                for (known, of) in beside.known.iter_mut().zip(&self.twin.known) {
+                    let step = NEXT_TO_NOTHING * (2.0 * random() - 1.0);
+                    *known += if of.is_positive() { step.abs() } else { step };
+                }
+                Ok(self.square(&self.residual_nm(&beside)?))
+            })
+            .collect::<Result<Vec<f64>, FilterError>>()?;
+        let low = objectives.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = objectives.iter().copied().fold(0.0, f64::max);
+        Ok(high - low)
     }
 
     pub(crate) fn bounds(&self) -> Vec<Bound> {

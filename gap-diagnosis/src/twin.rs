@@ -145,6 +145,11 @@ impl<'a> JointTwin<'a> {
         self.pieces.iter().map(|piece| piece.joint).collect()
     }
 
+    /// How many joints the robot has.
+    pub fn joints(&self) -> usize {
+        self.robot.joints.len()
+    }
+
     /// Noise of the torque sensors within the band, from how they differ from sample to sample.
     pub fn torque_sensor_noise_nm(&self) -> f64 {
         let mut steps_nm: Vec<f64> = self
