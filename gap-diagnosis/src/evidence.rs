@@ -27,11 +27,11 @@ const AT_REVERSALS_UNSEEN: [&str; 3] = ["torsional_compliance", "soft_windup", "
 /// What torques of no named law are worth in a good twin: over velocity, acceleration and travel since a reversal its
 /// friction is another's law, over anything else it is as the robot.
 const TWINS_FRICTION: f64 = 60.0;
-const TWINS_REST: f64 = 15.0;
+const TWINS_REST: f64 = 40.0;
 /// Part of what the named effects are worth that may be left in such torques: no law is exact.
 const INEXACT: f64 = 0.05;
 /// Left beyond this part, the named effects only imitate something else.
-const IMITATION: f64 = 0.5;
+const IMITATION: f64 = 0.2;
 /// Nats over which an opinion about what is left turns.
 const TURNS_NATS: f64 = 8.0;
 

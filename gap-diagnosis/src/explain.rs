@@ -18,9 +18,10 @@ const SWEEPS: usize = 2;
 const REFITTED: usize = 4;
 /// Nats within which another effect is refitted too.
 const NEAR_NATS: f64 = 30.0;
-/// Nats that a second or third effect must be worth, and part of the first one's: no law is exact.
+/// Nats that a second or third effect must be worth, and part of the first one's up to some nats: no law is exact.
 const FURTHER_NATS: f64 = 6.0;
 const FURTHER_PART: f64 = 0.01;
+const FURTHER_MOST_NATS: f64 = 40.0;
 /// The same for one that repeats over the angle as an effect before does.
 const COMPANION_PART: f64 = 0.05;
 /// Cycles a turn that differ by less are the same.
@@ -204,7 +205,16 @@ impl Growing<'_, '_> {
         if best.is_companion(&self.refined.model) {
             most * COMPANION_PART
         } else {
-            (most * FURTHER_PART).max(FURTHER_NATS)
+            let part = most * FURTHER_PART;
+            let terms = &best.refined.model.terms;
+            let is_periodic = terms.last().is_some_and(|t| t.hypothesis.is_periodic());
+            // what repeats with an angle can be found in anything that is left
+            let enough = if is_periodic {
+                part
+            } else {
+                part.min(FURTHER_MOST_NATS)
+            };
+            enough.max(FURTHER_NATS)
         }
     }
 

@@ -378,7 +378,7 @@ impl Blocks {
             };
             self.all.columns[(chosen[a], chosen[b])] + own
         });
-        let Some(inverse) = information.cholesky().map(|cholesky| cholesky.inverse()) else {
+        let Some(inverse) = information.clone().cholesky().map(|own| own.inverse()) else {
             return DMatrix::from_diagonal_element(count, count, f64::INFINITY);
         };
         let mut scatter = DMatrix::zeros(count, count);
@@ -393,10 +393,19 @@ impl Blocks {
             });
             scatter += &score * score.transpose();
         }
-        let between = &inverse * scatter * &inverse;
+        // what is held by a prior is as unsure as the prior, however small the residual is
+        let priors = DMatrix::from_fn(count, count, |a, b| {
+            if a == b {
+                self.bounds[chosen[a]].precision
+            } else {
+                0.0
+            }
+        });
         // never surer than independent samples of the remaining size would make it
         let freedom = self.all.rows.saturating_sub(count).max(1) as f64;
-        let within = inverse * (fit.square / freedom);
+        let independent = (&information - &priors) * (fit.square / freedom);
+        let between = &inverse * (scatter + &priors) * &inverse;
+        let within = &inverse * (independent + &priors) * &inverse;
         DMatrix::from_fn(count, count, |a, b| {
             if a == b {
                 between[(a, a)].max(within[(a, a)])

@@ -13,6 +13,8 @@ use crate::refine::Refined;
 use crate::report::{BeforeAfter, Gap, Parameter};
 use crate::search::{Model, Search, Term, uniform};
 
+/// A law is no truer than this part of its values, however well it is fitted.
+const LAW: f64 = 0.03;
 /// Samples of a bootstrap.
 const DRAWS: usize = 400;
 /// Within this part of a limit a shape counts as on it.
@@ -182,15 +184,26 @@ pub fn term_parameters(
         .into_iter()
         .map(|(name, value)| {
             let (sum, count) = spread.get(&name).copied().unwrap_or_default();
+            let scatter = (sum / f64::max(count, 1.0)).sqrt();
+            let of_law = if is_size(&name) {
+                LAW * (value - if name == "gain" { 1.0 } else { 0.0 }).abs()
+            } else {
+                0.0
+            };
             let parameter = Parameter {
                 value,
-                std: (sum / f64::max(count, 1.0)).sqrt(),
+                std: scatter.hypot(of_law),
                 at_bound,
             };
             (name, parameter)
         })
         .collect();
     (parameters, side(&effect))
+}
+
+/// Whether a parameter says how much, not where.
+fn is_size(name: &str) -> bool {
+    !(name.contains("phase") || name.contains("cycles") || name.contains("centre"))
 }
 
 fn wrapped(angle: f64) -> f64 {

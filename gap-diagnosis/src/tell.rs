@@ -22,6 +22,8 @@ use crate::shared::Shared;
 
 /// Probability of what was counted in the samples.
 const COUNTED: f64 = 0.97;
+/// How often a sure diagnosis was wrong on development cases.
+const RISK: f64 = 0.06;
 /// Share of the candidates that are beside the first cause.
 const BESIDE: f64 = 0.15;
 /// Candidates less probable than this are not listed.
@@ -151,6 +153,7 @@ impl Told<'_> {
             candidate.probability /= total;
         }
         all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        with_risk(&mut all);
         all
     }
 
@@ -326,6 +329,21 @@ fn merge_harmonics(effects: &mut Vec<NamedEffect>) {
     *effects = merged;
 }
 
+/// The diagnosis itself may be wrong: what development cases showed goes to `unknown`, or to `none` where that leads.
+fn with_risk(all: &mut [Candidate]) {
+    let other = match all.first() {
+        Some(first) if first.effect == "unknown" => "none",
+        _ => "unknown",
+    };
+    for candidate in all.iter_mut() {
+        candidate.probability *= 1.0 - RISK;
+    }
+    if let Some(other) = all.iter_mut().find(|candidate| candidate.effect == other) {
+        other.probability += RISK;
+    }
+    all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+}
+
 /// How the candidates of several steps share: they answer what most of the gap is.
 fn parts(steps: &[&Step]) -> Vec<f64> {
     let most = steps.iter().enumerate();
@@ -344,7 +362,7 @@ fn probability_of(step: &Step, effect: &str) -> f64 {
     step.probabilities
         .iter()
         .find(|p| p.effect == effect)
-        .map_or(0.0, |p| p.probability)
+        .map_or(0.0, |p| (1.0 - RISK) * p.probability)
 }
 
 /// What a finding may be called: command and position show only the sum of both delays.
