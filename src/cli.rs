@@ -288,6 +288,10 @@ pub enum GapCommand {
     Diagnose(GapDiagnoseArguments),
     /// Write the robot file with the diagnosed effects added
     Apply(GapApplyArguments),
+    /// Write the trajectory that would best tell apart what the data could not
+    Suggest(GapSuggestArguments),
+    /// Put effects into the emulated plant, diagnose, apply, and run with the mended file: tracking before and after
+    Round(GapRoundArguments),
     /// Evaluate the diagnosis on sealed cases whose cause is known
     #[command(subcommand)]
     Blind(BlindCommand),
@@ -336,6 +340,74 @@ pub struct GapApplyArguments {
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
     /// Where to write the changes as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// `flexspline gap suggest`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline gap suggest --report gap/report.json --robot arm.toml --out next.csv
+  flexspline gap suggest --effects two.toml --robot shd17 --out next.csv
+  flexspline run --robot arm.toml --trajectory next.csv --duration 30s
+
+Tries slow ramps, sweeps, chirps, reversals at two loads, moves from point to point and a warm repeat on the nominal plant, and
+takes the one on which the least separable pair is furthest apart. d² is the squared whitened difference that the other effect
+and the robot file's tolerances leave; below 9 nobody can tell two effects apart.
+Exit code: 0 done, 1 nothing is confused or no motion helps, 2 bad input.")]
+pub struct GapSuggestArguments {
+    /// Report of `gap diagnose`: its confusable pairs are to be told apart
+    #[arg(long, value_name = "FILE", conflicts_with = "effects")]
+    pub report: Option<PathBuf>,
+    /// Instead of a report, a file of effects as `run --inject` takes it: every two of one joint, at their sizes
+    #[arg(long, value_name = "FILE")]
+    pub effects: Option<PathBuf>,
+    /// Robot that was diagnosed: pa10, shd17, or a robot file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: String,
+    /// Trajectory file to write, .csv
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// How long the trajectory shall last
+    #[arg(long, default_value = "30s", value_name = "D", value_parser = humantime::parse_duration)]
+    pub duration: Duration,
+    /// Where to write the choice as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// `flexspline gap round`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline gap round --robot shd17 --inject effects.toml
+  flexspline gap round --robot arm.toml --inject effects.toml --trajectory sweep.toml --tracked work.csv --json rounds.json
+
+Every [[effect]] of the file is a round of its own, in virtual time: the plant gets the effect, the diagnosis sees a recording
+of --trajectory, its effects are written into the robot file, and the control follows --tracked on the plant with the effect,
+with the file as it was and with the mended one.
+Exit code: 0 done, whatever was found; 1 a loop stopped for safety; 2 bad input.")]
+pub struct GapRoundArguments {
+    /// Robot: pa10, shd17, or a robot file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: String,
+    /// File of effects, as `run --inject` takes it
+    #[arg(long, value_name = "FILE")]
+    pub inject: PathBuf,
+    /// Trajectory of the recording that is diagnosed
+    #[arg(long, default_value = "multi_sine", value_name = "NAME|FILE")]
+    pub trajectory: String,
+    /// Trajectory that is then followed
+    #[arg(long, default_value = "sine", value_name = "NAME|FILE")]
+    pub tracked: String,
+    /// How long each trajectory is run, as 30s
+    #[arg(long, default_value = "30s", value_name = "D", value_parser = humantime::parse_duration)]
+    pub duration: Duration,
+    /// Seed of everything random in the emulator
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub seed: u64,
+    /// Where to write the rounds as JSON; - for standard output
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
 }

@@ -17,6 +17,7 @@ pub mod place;
 pub mod report;
 pub mod samples;
 pub mod search;
+pub mod separate;
 pub mod shared;
 pub mod simulate;
 pub mod smooth;

@@ -29,7 +29,7 @@ mod trajectory;
 mod trapezoid;
 mod waypoints;
 
-pub use defaults::default_name;
+pub use defaults::{default_name, home_rad, swing_rad};
 pub use entry::{HoldEntry, JointEntry, MultiSineEntry, SineEntry, TrapezoidEntry};
 pub use error::MotionError;
 pub use file::{NAMES, TrajectoryFile, TrajectoryKind, load};
