@@ -290,6 +290,8 @@ pub enum GapCommand {
     Apply(GapApplyArguments),
     /// Write the trajectory that would best tell apart what the data could not
     Suggest(GapSuggestArguments),
+    /// Watch a running robot, or a recording, and say when a gap appears and what it most likely is
+    Watch(GapWatchArguments),
     /// Put effects into the emulated plant, diagnose, apply, and run with the mended file: tracking before and after
     Round(GapRoundArguments),
     /// Evaluate the diagnosis on sealed cases whose cause is known
@@ -373,6 +375,50 @@ pub struct GapSuggestArguments {
     #[arg(long, default_value = "30s", value_name = "D", value_parser = humantime::parse_duration)]
     pub duration: Duration,
     /// Where to write the choice as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// `flexspline gap watch`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline gap watch                                            the instance `default`, through its relay
+  flexspline gap watch --recording run.mcap --robot arm.toml      along a recording
+  flexspline gap watch --emulate 2min --robot shd17 --inject gap.toml    the emulator in virtual time; start_s says when
+
+Each joint learns from its first --window what it is like; what is already there is named and taken as given. Then its residual
+against the simulation is watched, and what makes it grow is diagnosed, first after 4 s.
+Exit code: 0 done, whatever was found; 1 the emulated loop stopped for safety; 2 bad input.")]
+pub struct GapWatchArguments {
+    /// Name of the running instance
+    #[arg(long, default_value = "default", value_name = "NAME")]
+    pub instance: String,
+    /// Recording to watch instead, or a log with its mapping file beside it
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["instance", "emulate"])]
+    pub recording: Option<PathBuf>,
+    /// Watch the emulator in virtual time instead, for so long
+    #[arg(long, value_name = "D", value_parser = humantime::parse_duration, conflicts_with = "instance")]
+    pub emulate: Option<Duration>,
+    /// Robot file to watch against; that of the instance if not given
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: Option<String>,
+    /// With --emulate: trajectory, the robot's own if not given
+    #[arg(long, value_name = "NAME|FILE", requires = "emulate")]
+    pub trajectory: Option<String>,
+    /// With --emulate: file of effects to add to the plant
+    #[arg(long, value_name = "FILE", requires = "emulate")]
+    pub inject: Option<PathBuf>,
+    /// With --emulate: seed of everything random
+    #[arg(long, default_value_t = 1, value_name = "N", requires = "emulate")]
+    pub seed: u64,
+    /// What a joint learns from
+    #[arg(long, default_value = "20s", value_name = "D", value_parser = humantime::parse_duration)]
+    pub window: Duration,
+    /// Mean time between two diagnoses for nothing, of each joint
+    #[arg(long, default_value = "10h", value_name = "D", value_parser = humantime::parse_duration)]
+    pub between_false: Duration,
+    /// Where to write everything that was told as JSON; - for standard output
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
 }

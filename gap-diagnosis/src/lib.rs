@@ -24,6 +24,7 @@ pub mod smooth;
 pub mod spectrum;
 pub mod stretch;
 pub mod twin;
+pub mod watch;
 pub mod whiten;
 
 pub use diagnose::{DiagnoseError, Diagnosis, JointTraces, Progress, diagnose};

@@ -32,10 +32,24 @@ impl Course {
     /// # Errors
     /// [`CliError::Negative`] if the loop stopped for safety, [`CliError::Input`] if it cannot run.
     pub fn run(&self, robots: Robots<'_>, injections: &[Injection]) -> Result<Emulated, CliError> {
-        let (run, mut kept) = (self.config(robots.model), Kept::new(robots.model));
-        let (trajectory, each) = (self.trajectory.clone(), |m: &CycleMessages| kept.add(m));
-        twin::simulate(&run, robots, trajectory, injections, each).map_err(stopped)?;
+        let mut kept = Kept::new(robots.model);
+        self.each(robots, injections, |messages| kept.add(messages))?;
         Ok(kept.finish())
+    }
+
+    /// The same, every cycle handed over as it comes until `each` returns `false`.
+    ///
+    /// # Errors
+    /// As [`Course::run`].
+    pub fn each(
+        &self,
+        robots: Robots<'_>,
+        injections: &[Injection],
+        each: impl FnMut(&CycleMessages) -> bool,
+    ) -> Result<(), CliError> {
+        let run = self.config(robots.model);
+        let trajectory = self.trajectory.clone();
+        twin::simulate(&run, robots, trajectory, injections, each).map_err(stopped)
     }
 
     /// On a plant that is what the robot file says and nothing else.

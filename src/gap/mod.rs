@@ -7,6 +7,7 @@ mod emulated;
 mod page;
 mod round;
 mod suggest;
+mod watch;
 
 use crate::cli::GapCommand;
 use crate::error::CliError;
@@ -20,6 +21,7 @@ pub fn gap(command: &GapCommand) -> Result<(), CliError> {
         GapCommand::Apply(arguments) => apply::apply(arguments),
         GapCommand::Diagnose(arguments) => diagnose::diagnose(arguments),
         GapCommand::Suggest(arguments) => suggest::suggest(arguments),
+        GapCommand::Watch(arguments) => watch::watch(arguments),
         GapCommand::Round(arguments) => round::round(arguments),
         GapCommand::Blind(command) => blind::blind(command),
     }
