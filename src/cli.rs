@@ -350,9 +350,9 @@ pub struct GapApplyArguments {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  flexspline gap suggest --report gap/report.json --robot arm.toml --out next.csv
-  flexspline gap suggest --effects two.toml --robot shd17 --out next.csv
-  flexspline run --robot arm.toml --trajectory next.csv --duration 30s
+  flexspline gap suggest --report gap/report.json --robot arm.toml --out next.toml
+  flexspline gap suggest --effects two.toml --robot shd17 --out next.toml
+  flexspline run --robot arm.toml --trajectory next.toml --duration 30s
 
 Tries slow ramps, sweeps, chirps, reversals at two loads, moves from point to point and a warm repeat on the nominal plant, and
 takes the one on which the least separable pair is furthest apart. d² is the squared whitened difference that the other effect
@@ -368,7 +368,7 @@ pub struct GapSuggestArguments {
     /// Robot that was diagnosed: pa10, shd17, or a robot file
     #[arg(long, value_name = "NAME|FILE")]
     pub robot: String,
-    /// Trajectory file to write, .csv
+    /// Trajectory file to write, TOML
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
     /// How long the trajectory shall last

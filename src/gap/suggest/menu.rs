@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 use motion::{SampledJoint, SampledReference};
 
 /// Distance of the waypoints.
-const STEP_S: f64 = 0.02;
+pub const STEP_S: f64 = 0.02;
 /// Over this long a chirp comes and goes.
 const FADE_S: f64 = 1.5;
 /// Rest before and after everything.

@@ -15,7 +15,7 @@ use comfy_table::{Table, presets};
 use gap_diagnosis::report::Regime;
 use gap_diagnosis::separate::{Pair, Separation, separations};
 use indicatif::{ProgressBar, ProgressStyle};
-use motion::{SampledReference, Trajectory};
+use motion::{JointEntry, SampledReference, Trajectory, TrajectoryFile, WaypointsEntry};
 use recording::{Recording, Signal};
 use report::number;
 use robot::Robot;
@@ -26,7 +26,7 @@ use crate::cli::GapSuggestArguments;
 use crate::error::CliError;
 use crate::output::{print, write_json, write_text};
 use advice::advice;
-use menu::{Experiment, Seat};
+use menu::{Experiment, STEP_S, Seat};
 use questions::{Question, questions};
 use room::room;
 
@@ -82,9 +82,9 @@ struct ToldExperiment {
 /// # Errors
 /// [`CliError::Input`] for bad input, [`CliError::Negative`] if no motion tells any pair apart.
 pub fn suggest(arguments: &GapSuggestArguments) -> Result<(), CliError> {
-    if arguments.out.extension().is_none_or(|end| end != "csv") {
+    if arguments.out.extension().is_some_and(|end| end == "csv") {
         return Err(CliError::Input(format!(
-            "--out {}: waypoints go into a CSV file; name it .csv",
+            "--out {}: the trajectory is written as TOML, and `run` would read a .csv as a table; name it .toml",
             arguments.out.display()
         )));
     }
@@ -120,7 +120,8 @@ pub fn suggest(arguments: &GapSuggestArguments) -> Result<(), CliError> {
         })
         .collect();
     if let Some(best) = best {
-        write_text(&arguments.out, &waypoints(&robot, &seats, &best.reference))?;
+        let file = trajectory_file(&robot, &seats, &best.reference)?;
+        write_text(&arguments.out, &file)?;
     }
     tell(arguments, &pairs, &tried, best)?;
     match best {
@@ -237,24 +238,33 @@ fn has_torque_for(robot: &Robot, recording: &Recording) -> bool {
     })
 }
 
-/// Columns of the joints that move; the others hold their home by themselves.
-fn waypoints(robot: &Robot, seats: &[Seat], reference: &SampledReference) -> String {
-    let moving: Vec<usize> = (0..seats.len())
-        .filter(|joint| matches!(seats[*joint], Seat::Moves(_)))
-        .collect();
-    let mut text = "time_s".to_owned();
-    for &joint in &moving {
-        let _ = write!(text, ",{}.reference_position_rad", robot.joints[joint].name);
-    }
-    text.push('\n');
-    for (row, time_s) in reference.times_s.iter().enumerate() {
-        let _ = write!(text, "{time_s:.2}");
-        for &joint in &moving {
-            let _ = write!(text, ",{:.7}", reference.joints[joint].positions_rad[row]);
-        }
-        text.push('\n');
-    }
-    text
+/// The joints that move; the others hold their home by themselves.
+fn trajectory_file(
+    robot: &Robot,
+    seats: &[Seat],
+    reference: &SampledReference,
+) -> Result<String, CliError> {
+    let moving = (0..seats.len()).filter(|joint| matches!(seats[*joint], Seat::Moves(_)));
+    let entry = |joint: usize| {
+        JointEntry::Waypoints(WaypointsEntry {
+            name: robot.joints[joint].name.clone(),
+            step_s: STEP_S,
+            positions_rad: rounded(&reference.joints[joint].positions_rad),
+        })
+    };
+    let file = TrajectoryFile {
+        joints: moving.map(entry).collect(),
+        ..TrajectoryFile::default()
+    };
+    toml::to_string(&file).map_err(CliError::input)
+}
+
+/// A tenth of a microradian is less than any encoder shows.
+fn rounded(positions_rad: &[f64]) -> Vec<f64> {
+    positions_rad
+        .iter()
+        .map(|position_rad| (position_rad * 1e7).round() / 1e7)
+        .collect()
 }
 
 fn tell(

@@ -221,7 +221,9 @@ impl Watched {
     /// A cycle in which the loop was not running is a hole.
     fn take(&mut self, messages: &CycleMessages, told: &mut Told) -> Result<(), CliError> {
         let running = LoopState::Running as u32;
-        let is_running = messages.status.is_some_and(|status| status.state == running);
+        let is_running = messages
+            .status
+            .is_some_and(|status| status.state == running);
         let row = record_row(messages, self.joints, &mut self.row, &mut self.truth);
         if row.is_none() || !is_running {
             return Ok(());
