@@ -210,7 +210,7 @@ impl<'a> Path<'a> {
         true
     }
 
-    fn to_centre(&mut self, until_left_s: f64) {
+    fn go_to_centre(&mut self, until_left_s: f64) {
         self.go(
             self.room.centre_rad,
             0.5 * self.room.speed_rad_s,
@@ -221,7 +221,7 @@ impl<'a> Path<'a> {
     /// There and back about the centre, from creeping to brisk and again, at speeds that no time is lost for.
     fn ramps(&mut self, duration_s: f64) {
         let until_s = self.left_s() - duration_s;
-        self.to_centre(until_s);
+        self.go_to_centre(until_s);
         for part in RAMP_SPEEDS.iter().cycle() {
             let speed_rad_s = part * self.room.speed_rad_s;
             let far_rad = (0.5 * RAMP_S * speed_rad_s).min(self.room.reach_rad);
@@ -249,7 +249,7 @@ impl<'a> Path<'a> {
     /// The frequency rises in proportion to itself; amplitude as far as reach, speed and acceleration allow.
     fn chirp(&mut self, duration_s: f64, [low_hz, high_hz]: [f64; 2]) {
         let until_s = self.left_s() - duration_s;
-        self.to_centre(until_s);
+        self.go_to_centre(until_s);
         let duration_s = self.left_s() - until_s;
         let growth = (high_hz / low_hz).ln();
         let (centre_rad, room) = (self.room.centre_rad, self.room);
