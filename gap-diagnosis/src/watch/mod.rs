@@ -247,7 +247,8 @@ fn learn(
             since_s: from_s + 0.5 * seen.settings.window_s,
             reason: Some(reason.clone()),
         };
-        let event = (told.as_ref() != Some(&reason)).then(|| Event::Blind {
+        // said once, whatever number is in it the next time
+        let event = told.is_none().then(|| Event::Blind {
             joint: name.to_owned(),
             at_s: now_s,
             reason,
