@@ -288,6 +288,12 @@ pub enum GapCommand {
     Diagnose(GapDiagnoseArguments),
     /// Write the robot file with the diagnosed effects added
     Apply(GapApplyArguments),
+    /// Write the trajectory that would best tell apart what the data could not
+    Suggest(GapSuggestArguments),
+    /// Watch a running robot, or a recording, and say when a gap appears and what it most likely is
+    Watch(GapWatchArguments),
+    /// Put effects into the emulated plant, diagnose, apply, and run with the mended file: tracking before and after
+    Round(GapRoundArguments),
     /// Evaluate the diagnosis on sealed cases whose cause is known
     #[command(subcommand)]
     Blind(BlindCommand),
@@ -336,6 +342,118 @@ pub struct GapApplyArguments {
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
     /// Where to write the changes as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// `flexspline gap suggest`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline gap suggest --report gap/report.json --robot arm.toml --out next.toml
+  flexspline gap suggest --effects two.toml --robot shd17 --out next.toml
+  flexspline run --robot arm.toml --trajectory next.toml --duration 30s
+
+Tries slow ramps, sweeps, chirps, reversals at two loads, moves from point to point and a warm repeat on the nominal plant, and
+takes the one on which the least separable pair is furthest apart. d² is the squared whitened difference that the other effect
+and the robot file's tolerances leave; below 9 nobody can tell two effects apart.
+Exit code: 0 done, 1 nothing is confused or no motion helps, 2 bad input.")]
+pub struct GapSuggestArguments {
+    /// Report of `gap diagnose`: its confusable pairs are to be told apart
+    #[arg(long, value_name = "FILE", conflicts_with = "effects")]
+    pub report: Option<PathBuf>,
+    /// Instead of a report, a file of effects as `run --inject` takes it: every two of one joint, at their sizes
+    #[arg(long, value_name = "FILE")]
+    pub effects: Option<PathBuf>,
+    /// Robot that was diagnosed: pa10, shd17, or a robot file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: String,
+    /// Trajectory file to write, TOML
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// How long the trajectory shall last
+    #[arg(long, default_value = "30s", value_name = "D", value_parser = humantime::parse_duration)]
+    pub duration: Duration,
+    /// Where to write the choice as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// `flexspline gap watch`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline gap watch                                            the instance `default`, through its relay
+  flexspline gap watch --recording run.mcap --robot arm.toml      along a recording
+  flexspline gap watch --emulate 2min --robot shd17 --inject gap.toml    the emulator in virtual time; start_s says when
+
+Each joint learns from its first --window what it is like; what is already there is named and taken as given. Then its residual
+against the simulation is watched, and what makes it grow is diagnosed, first after 4 s.
+Exit code: 0 done, whatever was found; 1 the emulated loop stopped for safety; 2 bad input.")]
+pub struct GapWatchArguments {
+    /// Name of the running instance
+    #[arg(long, default_value = "default", value_name = "NAME")]
+    pub instance: String,
+    /// Recording to watch instead, or a log with its mapping file beside it
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["instance", "emulate"])]
+    pub recording: Option<PathBuf>,
+    /// Watch the emulator in virtual time instead, for so long
+    #[arg(long, value_name = "D", value_parser = humantime::parse_duration, conflicts_with = "instance")]
+    pub emulate: Option<Duration>,
+    /// Robot file to watch against; that of the instance if not given
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: Option<String>,
+    /// With --emulate: trajectory, the robot's own if not given
+    #[arg(long, value_name = "NAME|FILE", requires = "emulate")]
+    pub trajectory: Option<String>,
+    /// With --emulate: file of effects to add to the plant
+    #[arg(long, value_name = "FILE", requires = "emulate")]
+    pub inject: Option<PathBuf>,
+    /// With --emulate: seed of everything random
+    #[arg(long, default_value_t = 1, value_name = "N", requires = "emulate")]
+    pub seed: u64,
+    /// What a joint learns from
+    #[arg(long, default_value = "20s", value_name = "D", value_parser = humantime::parse_duration)]
+    pub window: Duration,
+    /// Mean time between two diagnoses for nothing, of each joint
+    #[arg(long, default_value = "10h", value_name = "D", value_parser = humantime::parse_duration)]
+    pub between_false: Duration,
+    /// Where to write everything that was told as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// `flexspline gap round`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline gap round --robot shd17 --inject effects.toml
+  flexspline gap round --robot arm.toml --inject effects.toml --trajectory sweep.toml --tracked work.csv --json rounds.json
+
+Every [[effect]] of the file is a round of its own, in virtual time: the plant gets the effect, the diagnosis sees a recording
+of --trajectory, its effects are written into the robot file, and the control follows --tracked on the plant with the effect,
+with the file as it was and with the mended one.
+Exit code: 0 done, whatever was found; 1 a loop stopped for safety; 2 bad input.")]
+pub struct GapRoundArguments {
+    /// Robot: pa10, shd17, or a robot file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: String,
+    /// File of effects, as `run --inject` takes it
+    #[arg(long, value_name = "FILE")]
+    pub inject: PathBuf,
+    /// Trajectory of the recording that is diagnosed
+    #[arg(long, default_value = "multi_sine", value_name = "NAME|FILE")]
+    pub trajectory: String,
+    /// Trajectory that is then followed
+    #[arg(long, default_value = "sine", value_name = "NAME|FILE")]
+    pub tracked: String,
+    /// How long each trajectory is run, as 30s
+    #[arg(long, default_value = "30s", value_name = "D", value_parser = humantime::parse_duration)]
+    pub duration: Duration,
+    /// Seed of everything random in the emulator
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub seed: u64,
+    /// Where to write the rounds as JSON; - for standard output
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
 }

@@ -11,6 +11,7 @@ use robot::Robot;
 
 use crate::diagnose::{DiagnoseError, blank_report, insufficient};
 use crate::judge;
+use crate::mend;
 use crate::observe::Channel;
 use crate::rank::Round;
 use crate::report::{
@@ -51,6 +52,7 @@ pub fn baseline(
 ) -> Result<Report, DiagnoseError> {
     let tables: Vec<&Recording> = recordings.iter().map(|(_, recording)| recording).collect();
     let mut report = blank_report(robot, recordings)?;
+    let robot = &mend::robot(robot, &[]);
     let stretches = stretches(&tables, robot)?;
     report.joints = (0..robot.joints.len())
         .into_par_iter()

@@ -606,6 +606,7 @@ mod tests {
             stiffness_nm_rad: 1e4,
             stiffness_is_known: true,
             motor_torque_nm: 0.5,
+            may_saturate: true,
             inertia_kg_m2: 1.0,
             period_s: 1e-3,
             motor_turns: 20.0,

@@ -93,8 +93,6 @@ pub struct JointModel {
     pub torque_limit_nm: f64,
     /// Of the current loop.
     pub current_lag_s: f64,
-    /// Added about the joint axis.
-    pub link_inertia_kg_m2: f64,
     /// Added torque that holds the joint, with the sine and the cosine of its angle.
     pub gravity_sin_cos_nm: [f64; 2],
     /// Springs between the links.
@@ -145,7 +143,6 @@ impl JointModel {
             torque_ripple: ArrayVec::new(),
             torque_limit_nm: file.torque_limit_nm.unwrap_or(f64::INFINITY),
             current_lag_s: 0.0,
-            link_inertia_kg_m2: 0.0,
             gravity_sin_cos_nm: [0.0; 2],
             springs: ArrayVec::new(),
             encoder_offset_rad: 0.0,
@@ -302,7 +299,6 @@ impl JointModel {
             Effect::RotorInertia { inertia_kg_m2 } => {
                 self.rotor_inertia_kg_m2 += inertia_kg_m2 * self.gear_ratio.powi(2);
             }
-            Effect::LinkInertia { inertia_kg_m2 } => self.link_inertia_kg_m2 += inertia_kg_m2,
             Effect::GravityTorque { sin_nm, cos_nm } => {
                 self.gravity_sin_cos_nm[0] += sin_nm;
                 self.gravity_sin_cos_nm[1] += cos_nm;

@@ -6,7 +6,7 @@ use joint_model::rigid_body::Chain;
 use robot::{Robot, Tolerance};
 
 use crate::joint::JointModel;
-use crate::load::{LoadChange, Motion};
+use crate::load::{Load, LoadChange, Motion};
 
 /// Links whose mass moves the joint's torque less than this part of the heaviest one's do not count.
 const LINK_PART_MIN: f64 = 0.05;
@@ -270,6 +270,21 @@ pub fn of_joint(model: &JointModel, tolerance: &Tolerance) -> Vec<KnownValue> {
         beside(Known::Rounding, ROUNDING_NM);
     }
     all
+}
+
+/// How a load changes with inertia added to the joint's link about its axis, per kg m².
+pub fn link_inertia(robot: &Robot, joint: usize, motion: &Motion, load: &Load) -> LoadChange {
+    let added = robot::Effect::LinkInertia { inertia_kg_m2: 1.0 };
+    let changed = robot::changed_chain(
+        robot.chain.links(),
+        robot.chain.gravity_m_s2(),
+        nalgebra::Isometry3::identity(),
+        [(Some(joint), &added)],
+    );
+    match changed {
+        Ok(chain) => LoadChange::between(load, &motion.load(&chain, joint)),
+        Err(_) => LoadChange::default(),
+    }
 }
 
 /// The links whose mass matters to a joint along the motions, each with how the load changes by a standard deviation.

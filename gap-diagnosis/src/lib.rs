@@ -24,6 +24,7 @@ pub mod report;
 pub mod respond;
 pub mod samples;
 pub mod search;
+pub mod separate;
 pub mod shapes;
 pub mod shared;
 pub mod simulate;
@@ -32,6 +33,7 @@ pub mod spectrum;
 pub mod stretch;
 mod tell;
 pub mod twin;
+pub mod watch;
 pub mod whiten;
 
 pub use diagnose::{DiagnoseError, Diagnosis, JointTraces, Progress, diagnose};

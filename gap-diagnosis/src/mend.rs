@@ -64,9 +64,12 @@ fn blank_repeats(joint: &mut JointColumns) {
     }
 }
 
-/// The robot file with the encoder steps that were found.
+/// The robot file with the encoder steps that were found, and with its own payload, tilt and added inertia in the chain.
 pub fn robot(robot: &Robot, found: &[Vec<Found>]) -> Robot {
     let mut mended = robot.clone();
+    if let Ok(chain) = robot.loaded_chain() {
+        mended.chain = chain;
+    }
     for (joint, found) in mended.joints.iter_mut().zip(found) {
         for found in found {
             let Effect::EncoderQuantisation {

@@ -138,9 +138,14 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Standard deviation of what a channel holds whatever the model: noise and what the twin itself is off.
+    /// What a channel holds whatever the model: noise and what the twin itself is off.
+    pub fn floor(&self, channel: Channel) -> Floor {
+        floor(channel, &self.noise_nm, &self.scale, self.twin)
+    }
+
+    /// Its standard deviation.
     pub fn twin_floor_nm(&self, channel: Channel) -> f64 {
-        let floor = floor(channel, &self.noise_nm, &self.scale, self.twin);
+        let floor = self.floor(channel);
         floor.quick_nm.hypot(floor.slow_nm)
     }
 

@@ -503,7 +503,7 @@ impl LinkLoad {
             .map(|spring| spring.stiffness_nm_rad * (link_rad - spring.rest_rad))
             .sum();
         Self {
-            inertia_kg_m2: between(&load.inertia_kg_m2) + model.link_inertia_kg_m2,
+            inertia_kg_m2: between(&load.inertia_kg_m2),
             torque_nm: between(&load.torque_nm)
                 + between(&load.slope_nm_rad) * away_rad
                 + added_nm

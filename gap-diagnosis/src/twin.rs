@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use joint_model::filter::FilterError;
 use joint_model::rigid_body::Chain;
+use nalgebra::Isometry3;
 use rand_core::{RngCore, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use robot::{Effect, Robot};
@@ -82,6 +83,8 @@ struct Piece<'a> {
     controller: Feedback,
     band: Band,
     masses: Vec<Option<LoadChange>>,
+    /// How the load changes with inertia added to the link about the joint's axis, per kg m².
+    link_inertia: LoadChange,
     /// Of the thinned samples, those that count.
     kept: Vec<usize>,
 }
@@ -276,6 +279,11 @@ impl<'a> JointTwin<'a> {
         if let Some(chain) = self.changed_chain(&changes.effects) {
             load = Cow::Owned(piece.stretch.motion.load(&chain, self.joint));
         }
+        for effect in &changes.effects {
+            if let Effect::LinkInertia { inertia_kg_m2 } = *effect {
+                load.to_mut().add(&piece.link_inertia, inertia_kg_m2);
+            }
+        }
         for (change, deviations) in piece.masses.iter().zip(&changes.known) {
             if let Some(change) = change.as_ref().filter(|_| *deviations != 0.0) {
                 load.to_mut().add(change, *deviations);
@@ -289,25 +297,13 @@ impl<'a> JointTwin<'a> {
         if !effects.iter().any(Effect::is_whole_arm) {
             return None;
         }
-        let mut links = self.robot.chain.links().to_vec();
-        let mut gravity_m_s2 = self.robot.chain.gravity_m_s2();
-        for effect in effects {
-            match *effect {
-                Effect::Payload { mass_kg, centre_m } => {
-                    links.last_mut()?.add_point_mass(mass_kg, centre_m.into());
-                }
-                Effect::BaseTilt {
-                    roll_rad,
-                    pitch_rad,
-                } => {
-                    let tilt =
-                        nalgebra::UnitQuaternion::from_euler_angles(roll_rad, pitch_rad, 0.0);
-                    gravity_m_s2 = tilt.inverse() * gravity_m_s2;
-                }
-                _ => {}
-            }
-        }
-        Chain::new(&links, gravity_m_s2, nalgebra::Isometry3::identity()).ok()
+        robot::changed_chain(
+            self.robot.chain.links(),
+            self.robot.chain.gravity_m_s2(),
+            Isometry3::identity(),
+            effects.iter().map(|effect| (None, effect)),
+        )
+        .ok()
     }
 }
 
@@ -339,9 +335,11 @@ impl<'a> Piece<'a> {
                 (first..end).contains(&sample) && signals.is_whole[around].iter().all(|w| *w)
             })
             .collect();
+        let link_inertia = known::link_inertia(robot, joint, &stretch.motion, &signals.load);
         Ok(Self {
             stretch,
             joint: signals,
+            link_inertia,
             tracking,
             controller,
             band,

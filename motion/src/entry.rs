@@ -4,6 +4,7 @@ use robot::{Place, Robot, RobotError, RobotJoint};
 use serde::{Deserialize, Serialize};
 
 use crate::defaults::{home_rad, speed_rad_s, spread_phase_rad, swing_rad};
+use crate::even_waypoints::EvenWaypoints;
 use crate::joint_motion::JointMotion;
 use crate::multi_sine::{LINES_MAX, MULTIPLE_MAX, MultiSine, Recipe};
 use crate::trapezoid::Trapezoid;
@@ -20,6 +21,8 @@ pub enum JointEntry {
     MultiSine(MultiSineEntry),
     /// Moves from rest to rest.
     Trapezoid(TrapezoidEntry),
+    /// Runs through points.
+    Waypoints(WaypointsEntry),
 }
 
 /// A joint that stays where it is.
@@ -86,6 +89,18 @@ pub struct TrapezoidEntry {
     pub dwell_s: Option<f64>,
 }
 
+/// A spline through points at even times, at rest at both ends; the joint then holds the last.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WaypointsEntry {
+    /// The joint.
+    pub name: String,
+    /// Between two points.
+    pub step_s: f64,
+    /// At least two.
+    pub positions_rad: Vec<f64>,
+}
+
 impl JointEntry {
     /// The joint.
     pub fn name(&self) -> &str {
@@ -94,6 +109,7 @@ impl JointEntry {
             Self::Sine(entry) => &entry.name,
             Self::MultiSine(entry) => &entry.name,
             Self::Trapezoid(entry) => &entry.name,
+            Self::Waypoints(entry) => &entry.name,
         }
     }
 
@@ -111,6 +127,7 @@ impl JointEntry {
             Self::Sine(entry) => entry.motion(&place, joint, spread_phase_rad(index, robot)),
             Self::MultiSine(entry) => entry.motion(&place, joint, index),
             Self::Trapezoid(entry) => entry.motion(&place, joint),
+            Self::Waypoints(entry) => entry.motion(&place),
         }
     }
 }
@@ -213,6 +230,22 @@ impl TrapezoidEntry {
             self.acceleration_rad_s2.unwrap_or(1.0),
             self.dwell_s,
         )))
+    }
+}
+
+impl WaypointsEntry {
+    fn motion(&self, place: &Place) -> Result<JointMotion, RobotError> {
+        number(place, "step_s", Some(self.step_s), Must::BePeriod)?;
+        for position_rad in &self.positions_rad {
+            number(place, "positions_rad", Some(*position_rad), Must::BeFinite)?;
+        }
+        let motion = EvenWaypoints::new(&self.positions_rad, self.step_s);
+        motion.map(JointMotion::Waypoints).ok_or_else(|| {
+            place.invalid(format!(
+                "positions_rad has {} points, give at least 2",
+                self.positions_rad.len()
+            ))
+        })
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use crate::even_waypoints::EvenWaypoints;
 use crate::multi_sine::MultiSine;
 use crate::trapezoid::Trapezoid;
 
@@ -21,6 +22,8 @@ pub enum JointMotion {
     MultiSine(MultiSine),
     /// A move from rest to rest.
     Trapezoid(Trapezoid),
+    /// A spline through points.
+    Waypoints(EvenWaypoints),
 }
 
 impl JointMotion {
@@ -46,6 +49,7 @@ impl JointMotion {
             }
             Self::MultiSine(motion) => motion.sample(time_s),
             Self::Trapezoid(motion) => motion.sample(time_s),
+            Self::Waypoints(motion) => motion.sample(time_s),
         }
     }
 
@@ -56,6 +60,7 @@ impl JointMotion {
             Self::Sine { frequency_hz, .. } => 1.0 / frequency_hz,
             Self::MultiSine(motion) => motion.period_s(),
             Self::Trapezoid(motion) => motion.period_s().unwrap_or(motion.move_s()),
+            Self::Waypoints(motion) => motion.duration_s(),
         }
     }
 
@@ -64,12 +69,16 @@ impl JointMotion {
         match self {
             Self::Hold { .. } => Some(0.0),
             Self::Trapezoid(motion) if motion.period_s().is_none() => Some(motion.move_s()),
+            Self::Waypoints(motion) => Some(motion.duration_s()),
             _ => None,
         }
     }
 
     /// Whether the joint starts with zero velocity by itself.
     pub fn starts_at_rest(&self) -> bool {
-        matches!(self, Self::Hold { .. } | Self::Trapezoid(_))
+        matches!(
+            self,
+            Self::Hold { .. } | Self::Trapezoid(_) | Self::Waypoints(_)
+        )
     }
 }

@@ -18,6 +18,7 @@
 mod defaults;
 mod entry;
 mod error;
+mod even_waypoints;
 mod file;
 mod joint_motion;
 mod kinematics;
@@ -29,8 +30,8 @@ mod trajectory;
 mod trapezoid;
 mod waypoints;
 
-pub use defaults::default_name;
-pub use entry::{HoldEntry, JointEntry, MultiSineEntry, SineEntry, TrapezoidEntry};
+pub use defaults::{default_name, home_rad, swing_rad};
+pub use entry::{HoldEntry, JointEntry, MultiSineEntry, SineEntry, TrapezoidEntry, WaypointsEntry};
 pub use error::MotionError;
 pub use file::{NAMES, TrajectoryFile, TrajectoryKind, load};
 pub use kinematics::PaTenArm;

@@ -44,6 +44,7 @@ mod parquet_table;
 mod signal;
 mod statistics;
 mod table;
+mod window;
 mod writer;
 
 pub use check::{CheckJoint, CheckRobot, Finding, FindingKind, Severity, check};
@@ -55,6 +56,7 @@ pub use message::{CycleRow, JointCycle, JointTruth, LoopCycle};
 pub use parquet_table::write_parquet;
 pub use signal::Signal;
 pub use table::{JointColumns, MissingSignal, Recording};
+pub use window::Window;
 pub use writer::{Header, Writer};
 
 use mapping::Mapping;

@@ -12,6 +12,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod bodies;
 mod check;
 mod control;
 mod effect;
@@ -28,6 +29,7 @@ mod table;
 mod tolerance;
 mod urdf;
 
+pub use bodies::changed_chain;
 pub use control::{Control, ControlKind, Feedback, Feedforward};
 pub use effect::{Effect, EncoderSide};
 pub use error::{Place, RobotError, nearest};

@@ -147,7 +147,7 @@ impl RobotFile {
         for joint in &mut joints {
             shared_effects.extend(joint.effects.extract_if(.., |effect| effect.is_whole_arm()));
         }
-        Ok(Robot {
+        let robot = Robot {
             name: self.name,
             chain,
             joints,
@@ -155,7 +155,11 @@ impl RobotFile {
             control,
             tolerance: self.parameter_tolerance,
             source,
-        })
+        };
+        robot
+            .loaded_chain()
+            .map_err(|error| chain_error(&file, &names, &error))?;
+        Ok(robot)
     }
 
     /// Joint names and links, base to tip. Limits that only the URDF has are written into the joints.

@@ -4,10 +4,13 @@
 //! all at the joint side; the model acts on the desired motion, as in the paper, because the measured velocity is noisy.
 //! Only position-dependent friction is taken at the measured motor angle, which a resolver knows without noise: with
 //! twelve cycles a motor revolution, 5 mrad of tracking error at the joint would put the desired angle half a cycle off.
+//! Rigid bodies are those of the file with its payload, tilt and added link inertia; what else it knows of a joint's load and
+//! drive is in [`crate::compensation`].
 //! [`ControlOptions`] go beyond the paper: friction on measured velocity ([`crate::friction`]), `T_c` at the load of the measured
 //! torsion ([`crate::torsion_load`]), and the torque estimator's correction ([`crate::correction`]).
 
 use joint_model::filter::FilterError;
+use joint_model::rigid_body::{Chain, ChainError};
 use joint_model::velocity_observer::VelocityObserver;
 use motion::{Reference, Trajectory};
 use robot::{ControlKind, Feedback, Feedforward as ModelPart, Robot, RobotJoint};
@@ -15,6 +18,7 @@ use shm_types::JOINTS_MAX;
 use shm_types::control_options::{ControlOptions, StiffnessTorque};
 use shm_types::messages::{Command, DriveMode, PerJoint, SensorSample, TorqueEstimate};
 
+use crate::compensation::Compensation;
 use crate::correction::{Correction, Lesson};
 use crate::friction::{FrictionFeedforward, FrictionPoint};
 use crate::reference::ReferenceSource;
@@ -29,6 +33,9 @@ const OBSERVER_BANDWIDTH_HZ: f64 = 25.0;
 #[derive(Clone, Debug)]
 pub struct Feedforward {
     robot: Robot,
+    /// With the effects on rigid bodies.
+    chain: Chain,
+    compensation: Vec<Compensation>,
     friction: Vec<FrictionFeedforward>,
     /// None where friction is taken at the model's load.
     torsion_loads: Option<Vec<TorsionLoad>>,
@@ -94,6 +101,14 @@ pub enum FeedforwardError {
         /// As given.
         gain: f64,
     },
+    /// The robot file's payload or link inertia make a body that cannot be.
+    #[error("robot `{robot}`: {source}; change payload, link_inertia or base_tilt")]
+    Bodies {
+        /// Its name.
+        robot: String,
+        /// Why.
+        source: ChainError,
+    },
     /// The velocity filter of the robot file cannot be built.
     #[error("robot `{robot}`, [control]: {source}")]
     Filter {
@@ -151,7 +166,15 @@ impl Feedforward {
                 robot: robot.name.clone(),
                 source,
             })?;
+        let chain = robot
+            .loaded_chain()
+            .map_err(|source| FeedforwardError::Bodies {
+                robot: robot.name.clone(),
+                source,
+            })?;
         Ok(Self {
+            chain,
+            compensation: robot.joints.iter().map(Compensation::of).collect(),
             friction: robot
                 .joints
                 .iter()
@@ -235,7 +258,6 @@ impl Feedforward {
     fn rigid_body_torque(&mut self) {
         let count = self.robot.joints.len();
         let Reference {
-            position_rad,
             velocity_rad_s,
             acceleration_rad_s2,
             ..
@@ -243,15 +265,23 @@ impl Feedforward {
         if self.model == ModelPart::None {
             return;
         }
-        self.robot
-            .chain
-            .gravity_torque(&position_rad[..count], &mut self.gravity_nm[..count]);
-        self.robot.chain.inverse_dynamics(
-            &position_rad[..count],
+        let mut link_rad = self.reference.position_rad;
+        for (position_rad, joint) in link_rad.iter_mut().zip(&self.compensation) {
+            *position_rad = joint.link_rad(*position_rad);
+        }
+        self.chain
+            .gravity_torque(&link_rad[..count], &mut self.gravity_nm[..count]);
+        self.chain.inverse_dynamics(
+            &link_rad[..count],
             &velocity_rad_s[..count],
             &acceleration_rad_s2[..count],
             &mut self.rigid_nm[..count],
         );
+        for (joint, known) in self.compensation.iter().enumerate() {
+            let holding_nm = known.holding_nm(link_rad[joint]);
+            self.gravity_nm[joint] += holding_nm;
+            self.rigid_nm[joint] += holding_nm;
+        }
     }
 
     fn feedforward_nm(&mut self, joint: usize, sample: &SensorSample) -> f64 {
@@ -262,12 +292,13 @@ impl Feedforward {
         let rotor_nm = drive.rotor_inertia_kg_m2
             * drive.gear_ratio.powi(2)
             * self.reference.acceleration_rad_s2[joint];
-        let rigid_nm = self.rigid_nm[joint] + rotor_nm;
-        if self.model == ModelPart::RigidBody {
-            return rigid_nm;
+        let mut shaft_nm = self.rigid_nm[joint] + rotor_nm;
+        if self.model == ModelPart::Model {
+            let load_nm = self.load_nm(joint, sample);
+            shaft_nm += self.friction_nm(joint, load_nm, sample) + self.correction.torque_nm(joint);
         }
-        let load_nm = self.load_nm(joint, sample);
-        rigid_nm + self.friction_nm(joint, load_nm, sample) + self.correction.torque_nm(joint)
+        let motor_rad = sample.readings.motor_position_rad[joint];
+        self.compensation[joint].sent_nm(shaft_nm, motor_rad)
     }
 
     fn friction_nm(&self, joint: usize, load_nm: f64, sample: &SensorSample) -> f64 {

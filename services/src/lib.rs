@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod answering;
+pub mod compensation;
 pub mod controller;
 pub mod correction;
 pub mod estimator_process;

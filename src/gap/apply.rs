@@ -19,7 +19,7 @@ const DIGITS: usize = 6;
 
 /// One change of the file, as it is told.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-struct Change {
+pub struct Change {
     /// None for the whole arm.
     joint: Option<String>,
     effect: &'static str,
@@ -133,8 +133,11 @@ fn with_urdf(text: String, source: &Source, out: &Path) -> Result<String, CliErr
     Ok(document.to_string())
 }
 
-/// The text of a robot file with a report's effects in it.
-fn with_effects(text: &str, report: &Report) -> Result<(String, Vec<Change>), String> {
+/// The text of a robot file with a report's effects in it, and what was changed.
+///
+/// # Errors
+/// Why the report's effects do not fit the file.
+pub fn with_effects(text: &str, report: &Report) -> Result<(String, Vec<Change>), String> {
     let mut document: DocumentMut = text
         .parse()
         .map_err(|error| format!("robot file: {error}"))?;
@@ -164,7 +167,10 @@ fn with_effects(text: &str, report: &Report) -> Result<(String, Vec<Change>), St
 }
 
 /// The effect with the values found. A point's coordinates are parameters of their own.
-fn to_effect(found: &NamedEffect) -> Result<Effect, String> {
+///
+/// # Errors
+/// Which parameter is missing or unknown.
+pub fn to_effect(found: &NamedEffect) -> Result<Effect, String> {
     let mut fields: BTreeMap<String, serde_json::Value> = BTreeMap::new();
     fields.insert("effect".to_owned(), found.effect.clone().into());
     for (name, parameter) in &found.parameters {

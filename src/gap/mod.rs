@@ -3,7 +3,11 @@
 mod apply;
 mod blind;
 mod diagnose;
+mod emulated;
 mod page;
+mod round;
+mod suggest;
+mod watch;
 
 use crate::cli::GapCommand;
 use crate::error::CliError;
@@ -16,6 +20,9 @@ pub fn gap(command: &GapCommand) -> Result<(), CliError> {
     match command {
         GapCommand::Apply(arguments) => apply::apply(arguments),
         GapCommand::Diagnose(arguments) => diagnose::diagnose(arguments),
+        GapCommand::Suggest(arguments) => suggest::suggest(arguments),
+        GapCommand::Watch(arguments) => watch::watch(arguments),
+        GapCommand::Round(arguments) => round::round(arguments),
         GapCommand::Blind(command) => blind::blind(command),
     }
 }

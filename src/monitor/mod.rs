@@ -76,7 +76,10 @@ pub fn monitor(arguments: &MonitorArguments) -> Result<(), CliError> {
 }
 
 /// The settings of the run; there are none where nothing runs.
-fn running(instance: &Instance) -> Result<RunConfig, CliError> {
+///
+/// # Errors
+/// [`CliError::Input`] with the instances there are.
+pub fn running(instance: &Instance) -> Result<RunConfig, CliError> {
     instance.run_config().map_err(|_| {
         let names = Instance::names(user_id());
         let others = match names.as_slice() {
@@ -92,7 +95,7 @@ fn running(instance: &Instance) -> Result<RunConfig, CliError> {
 }
 
 /// System calls on the loop's core would hold up its wake-up, even those of an ordinary process.
-fn stay_off_the_loops_core(run: &RunConfig) {
+pub fn stay_off_the_loops_core(run: &RunConfig) {
     apply(&Request {
         fifo_priority: None,
         core: run.core_of(Role::Relay),

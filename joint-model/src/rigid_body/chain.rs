@@ -159,6 +159,11 @@ impl Chain {
         self.gravity_m_s2
     }
 
+    /// The tool frame in the last link's frame.
+    pub fn tool(&self) -> Isometry3<f64> {
+        self.tool
+    }
+
     /// Replaces gravity, for a base that is tilted or in free fall.
     ///
     /// # Errors

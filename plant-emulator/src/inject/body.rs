@@ -2,8 +2,8 @@
 
 use arrayvec::ArrayVec;
 use joint_model::rigid_body::{Chain, ChainError, Link};
-use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
-use robot::Effect;
+use nalgebra::{Isometry3, Vector3};
+use robot::{Effect, changed_chain};
 
 use super::{Full, TimedEffect};
 
@@ -96,7 +96,9 @@ pub(crate) fn chains(
         .into_iter()
         .map(|start_s| {
             let active = effects.iter().filter(|(_, timed)| timed.start_s <= start_s);
-            Ok((start_s, chain(links, gravity_m_s2, active)?))
+            let tool = Isometry3::identity();
+            let effects = active.map(|(joint, timed)| (*joint, &timed.effect));
+            Ok((start_s, changed_chain(links, gravity_m_s2, tool, effects)?))
         })
         .collect()
 }
@@ -108,47 +110,10 @@ fn changes_the_chain(effect: &Effect) -> bool {
     )
 }
 
-fn chain<'a>(
-    links: &[Link],
-    mut gravity_m_s2: Vector3<f64>,
-    effects: impl Iterator<Item = &'a (Option<usize>, TimedEffect)>,
-) -> Result<Chain, ChainError> {
-    let mut links = links.to_vec();
-    for (joint, timed) in effects {
-        match timed.effect {
-            Effect::Payload { mass_kg, centre_m } => {
-                if let Some(last) = links.last_mut() {
-                    last.add_point_mass(mass_kg, Vector3::from(centre_m));
-                }
-            }
-            Effect::LinkInertia { inertia_kg_m2 } => {
-                if let Some(link) = joint.and_then(|joint| links.get_mut(joint)) {
-                    add_ring(link, inertia_kg_m2);
-                }
-            }
-            // the base rolls about its x axis, then pitches about the y axis of the world
-            Effect::BaseTilt {
-                roll_rad,
-                pitch_rad,
-            } => {
-                let tilt = UnitQuaternion::from_euler_angles(roll_rad, pitch_rad, 0.0);
-                gravity_m_s2 = tilt.inverse() * gravity_m_s2;
-            }
-            _ => {}
-        }
-    }
-    Chain::new(&links, gravity_m_s2, Isometry3::identity())
-}
-
-/// Adds inertia about the joint's axis as a massless thin ring around it, the one body that adds least elsewhere.
-fn add_ring(link: &mut Link, inertia_kg_m2: f64) {
-    let axis = link.axis.into_inner();
-    let along = axis * axis.transpose();
-    link.inertia_kg_m2 += inertia_kg_m2 * (along + 0.5 * (Matrix3::identity() - along));
-}
-
 #[cfg(test)]
 mod tests {
+    use nalgebra::Matrix3;
+
     use super::*;
 
     fn pendulum() -> Link {

@@ -1,0 +1,164 @@
+//! What a joint was like while nothing changed: the robot file with what was already there, known values refitted.
+
+use recording::{Recording, Signal};
+use robot::{Effect, Robot, Tolerance, changed_chain};
+
+use crate::diagnose::DiagnoseError;
+use crate::evidence::Probability;
+use crate::explain::{Explanation, explain};
+use crate::known::{Known, KnownValue};
+use crate::observe::Channel;
+use crate::search::Search;
+use crate::stretch::stretches;
+use crate::twin::{Changes, JointTwin};
+use crate::whiten::{Floor, Whitener};
+
+/// One joint as it was.
+#[derive(Clone, Debug)]
+pub struct Baseline {
+    joint: usize,
+    /// With the effects that were found: what later diagnoses begin from.
+    mended: Robot,
+    /// With refitted masses too, and nothing left to refit: what later samples are held against.
+    settled: Robot,
+    /// Refitted, in deviations.
+    known: Vec<(KnownValue, f64)>,
+    floors: Vec<(Channel, Floor)>,
+    /// Effects that were already there.
+    pub effects: Vec<Effect>,
+}
+
+impl Baseline {
+    /// From a recording; none where nothing tells the joint's torque.
+    ///
+    /// # Errors
+    /// [`DiagnoseError`].
+    pub fn learn(
+        robot: &Robot,
+        joint: usize,
+        recording: &Recording,
+    ) -> Result<Option<Self>, DiagnoseError> {
+        let table = torque_of_one(robot, joint, recording);
+        let stretches = stretches(&[&table], robot)?;
+        let Some(twin) = JointTwin::new(robot, joint, &stretches)? else {
+            return Ok(None);
+        };
+        let search = Search::new(&twin)?;
+        let explanation = explain(&search, &[])?;
+        let model = &explanation.refined.model;
+        let effects = model.changes(&search.scale).effects;
+        let mended = with_effects(robot, joint, &effects);
+        let (masses, known): (Vec<_>, Vec<_>) = twin
+            .known
+            .iter()
+            .cloned()
+            .zip(model.known.iter().copied())
+            .partition(|(known, _)| matches!(known.known, Known::Mass(_)));
+        let floors = twin.channels.iter().map(|c| (*c, search.floor(*c)));
+        Ok(Some(Self {
+            joint,
+            settled: with_masses(&mended, &masses),
+            mended,
+            known,
+            floors: floors.collect(),
+            effects,
+        }))
+    }
+
+    /// Time and whitened residual of every row of a recording, held against what was.
+    ///
+    /// # Errors
+    /// [`DiagnoseError`] if it cannot be simulated along.
+    pub fn residual(&self, recording: &Recording) -> Result<Vec<[f64; 2]>, DiagnoseError> {
+        let table = torque_of_one(&self.settled, self.joint, recording);
+        let stretches = stretches(&[&table], &self.settled)?;
+        let Some(mut twin) = JointTwin::new(&self.settled, self.joint, &stretches)? else {
+            return Ok(Vec::new());
+        };
+        for (known, deviations) in &self.known {
+            known.apply(&mut twin.nominal, *deviations);
+        }
+        let simulated_nm = twin.simulated(&Changes::default(), None)?;
+        let measured_nm = twin.measured()?;
+        let residual_nm: Vec<f64> = measured_nm
+            .iter()
+            .zip(&simulated_nm)
+            .map(|(a, b)| a - b)
+            .collect();
+        let whitener = Whitener::new(&twin.rows, |row| self.floor(row.channel));
+        let white = whitener.apply(&residual_nm);
+        let times = twin.rows.iter().map(|row| row.time_s);
+        Ok(times.zip(white).map(|(time_s, w)| [time_s, w]).collect())
+    }
+
+    fn floor(&self, channel: Channel) -> Floor {
+        let known = self.floors.iter().find(|(of, _)| *of == channel);
+        known.map_or_else(Floor::default, |(_, floor)| *floor)
+    }
+
+    /// What a recording shows beyond what was: every candidate, most probable first.
+    ///
+    /// # Errors
+    /// [`DiagnoseError`].
+    pub fn look(&self, recording: &Recording) -> Result<Vec<Probability>, DiagnoseError> {
+        let table = torque_of_one(&self.mended, self.joint, recording);
+        let stretches = stretches(&[&table], &self.mended)?;
+        let Some(twin) = JointTwin::new(&self.mended, self.joint, &stretches)? else {
+            return Ok(Vec::new());
+        };
+        let search = Search::new(&twin)?;
+        let Explanation { rounds, .. } = explain(&search, &[])?;
+        let first = rounds.into_iter().next();
+        Ok(first.map_or_else(Vec::new, |step| step.probabilities))
+    }
+}
+
+/// Positions of all joints, everything else of one: nothing is computed for the others.
+fn torque_of_one(robot: &Robot, joint: usize, recording: &Recording) -> Recording {
+    let mut table = recording.clone();
+    for columns in &mut table.joints {
+        if columns.name != robot.joints[joint].name {
+            columns.signals.retain(|signal, _| {
+                matches!(signal, Signal::MotorPositionRad | Signal::LinkPositionRad)
+            });
+        }
+    }
+    table
+}
+
+fn with_effects(robot: &Robot, joint: usize, effects: &[Effect]) -> Robot {
+    let mut mended = robot.clone();
+    let own = effects.iter().filter(|effect| !effect.is_whole_arm());
+    mended.joints[joint].effects.extend(own.copied());
+    let chain = &robot.chain;
+    let whole = effects.iter().filter(|effect| effect.is_whole_arm());
+    let changed = changed_chain(
+        chain.links(),
+        chain.gravity_m_s2(),
+        chain.tool(),
+        whole.map(|effect| (None, effect)),
+    );
+    // what makes no body stays as it was; the residual shows it
+    if let Ok(changed) = changed {
+        mended.chain = changed;
+    }
+    mended
+}
+
+/// With masses, and inertias with them, moved by so many deviations; nothing else may move any more.
+fn with_masses(robot: &Robot, masses: &[(KnownValue, f64)]) -> Robot {
+    let mut settled = robot.clone();
+    for (mass, deviations) in masses {
+        if let Known::Mass(link) = mass.known {
+            let factor = 1.0 + mass.deviation * deviations;
+            if let Ok(chain) = settled.chain.with_heavier_link(link, factor) {
+                settled.chain = chain;
+            }
+        }
+    }
+    settled.tolerance = Tolerance {
+        default: 0.0,
+        parameters: Default::default(),
+    };
+    settled
+}

@@ -1,0 +1,122 @@
+//! Effects on the rigid bodies, put into the chain: payload, added link inertia, tilt of the base.
+
+use joint_model::rigid_body::{Chain, ChainError, Link};
+use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
+
+use crate::{Effect, Robot};
+
+/// A chain of links with these effects on them; effects of other kinds change nothing. Link inertia names its joint, a
+/// payload sits on the last link whatever it names.
+///
+/// # Errors
+/// [`ChainError`] if no body could be like that, such as one of negative mass.
+pub fn changed_chain<'a>(
+    links: &[Link],
+    mut gravity_m_s2: Vector3<f64>,
+    tool: Isometry3<f64>,
+    effects: impl IntoIterator<Item = (Option<usize>, &'a Effect)>,
+) -> Result<Chain, ChainError> {
+    let mut links = links.to_vec();
+    for (joint, effect) in effects {
+        match *effect {
+            Effect::Payload { mass_kg, centre_m } => {
+                if let Some(last) = links.last_mut() {
+                    last.add_point_mass(mass_kg, Vector3::from(centre_m));
+                }
+            }
+            Effect::LinkInertia { inertia_kg_m2 } => {
+                if let Some(link) = joint.and_then(|joint| links.get_mut(joint)) {
+                    add_ring(link, inertia_kg_m2);
+                }
+            }
+            // the base rolls about its x axis, then pitches about the y axis of the world
+            Effect::BaseTilt {
+                roll_rad,
+                pitch_rad,
+            } => {
+                let tilt = UnitQuaternion::from_euler_angles(roll_rad, pitch_rad, 0.0);
+                gravity_m_s2 = tilt.inverse() * gravity_m_s2;
+            }
+            _ => {}
+        }
+    }
+    Chain::new(&links, gravity_m_s2, tool)
+}
+
+/// Adds inertia about the joint's axis as a massless thin ring around it, the one body that adds least elsewhere.
+fn add_ring(link: &mut Link, inertia_kg_m2: f64) {
+    let axis = link.axis.into_inner();
+    let along = axis * axis.transpose();
+    link.inertia_kg_m2 += inertia_kg_m2 * (along + 0.5 * (Matrix3::identity() - along));
+}
+
+impl Robot {
+    /// The arm as its file has it, effects on the rigid bodies included; [`Robot::chain`] is without them.
+    ///
+    /// # Errors
+    /// [`ChainError`]; never of a robot that was built from a file.
+    pub fn loaded_chain(&self) -> Result<Chain, ChainError> {
+        let own =
+            self.joints.iter().enumerate().flat_map(|(joint, file)| {
+                file.effects.iter().map(move |effect| (Some(joint), effect))
+            });
+        let shared = self.shared_effects.iter().map(|effect| (None, effect));
+        changed_chain(
+            self.chain.links(),
+            self.chain.gravity_m_s2(),
+            self.chain.tool(),
+            own.chain(shared),
+        )
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+mod tests {
+    use super::*;
+
+    fn holding_nm(chain: &Chain, position_rad: f64) -> f64 {
+        let mut torque_nm = [0.0];
+        chain.gravity_torque(&[position_rad], &mut torque_nm);
+        torque_nm[0]
+    }
+
+    #[test]
+    fn a_payload_hangs_on_its_lever_and_a_tilt_turns_gravity() {
+        let mut robot = crate::load("shd17").unwrap();
+        let bare_nm = holding_nm(&robot.chain, 0.5);
+        assert_eq!(holding_nm(&robot.loaded_chain().unwrap(), 0.5), bare_nm);
+        robot.shared_effects.push(Effect::Payload {
+            mass_kg: 2.0,
+            centre_m: [0.0, 0.0, 0.3],
+        });
+        let lever_nm = 2.0 * 9.81 * 0.3 * 0.5_f64.sin();
+        let loaded_nm = holding_nm(&robot.loaded_chain().unwrap(), 0.5);
+        assert!((loaded_nm - bare_nm).abs() - lever_nm.abs() < 1e-9);
+        assert!((loaded_nm / bare_nm - 1.0) * bare_nm.abs() > 0.9 * lever_nm);
+        robot.shared_effects = vec![Effect::BaseTilt {
+            roll_rad: 0.0,
+            pitch_rad: 0.5,
+        }];
+        let tilted = robot.loaded_chain().unwrap();
+        let upright_nm = [0.0, 1.0].map(|rad| holding_nm(&robot.chain, rad));
+        let tilted_nm = holding_nm(&tilted, 0.5);
+        let near = upright_nm.map(|nm| (nm - tilted_nm).abs() < 1e-9);
+        assert!(near[0] || near[1], "{tilted_nm} {upright_nm:?}");
+    }
+
+    #[test]
+    fn link_inertia_is_about_its_own_joint() {
+        let mut robot = crate::load("shd17").unwrap();
+        robot.joints[0]
+            .effects
+            .push(Effect::LinkInertia { inertia_kg_m2: 0.2 });
+        let inertia = |chain: &Chain| {
+            let mut torque_nm = [0.0];
+            chain.inverse_dynamics(&[0.0], &[0.0], &[1.0], &mut torque_nm);
+            torque_nm[0]
+        };
+        let added = inertia(&robot.loaded_chain().unwrap()) - inertia(&robot.chain);
+        assert!((added - 0.2).abs() < 1e-12, "{added}");
+    }
+}

@@ -1,0 +1,132 @@
+//! What is to be told apart: the confusable pairs of a report, or the effects of a file.
+
+use std::path::Path;
+
+use gap_diagnosis::report::{JointReport, Report};
+use gap_diagnosis::separate::Pair;
+use robot::{Effect, Robot};
+
+use crate::cli::GapSuggestArguments;
+use crate::error::CliError;
+use crate::gap::apply::{read_report, to_effect};
+
+/// Two effects at a joint, and how large either would be, where that is known.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Question {
+    pub joint: usize,
+    pub effects: [String; 2],
+    sizes: [Option<Effect>; 2],
+    /// `d²` of the report.
+    pub distance_now: Option<f64>,
+}
+
+impl Question {
+    /// Each effect whose size is known, against the other.
+    pub fn pairs(&self) -> impl Iterator<Item = Pair> {
+        [(0, 1), (1, 0)].into_iter().filter_map(|(this, other)| {
+            Some(Pair {
+                joint: self.joint,
+                effect: self.sizes[this]?,
+                other: self.effects[other].clone(),
+            })
+        })
+    }
+}
+
+/// Of the report or of the file of effects, whichever was given.
+///
+/// # Errors
+/// [`CliError::Input`] for bad input, [`CliError::Negative`] if nothing is confused.
+pub fn questions(
+    arguments: &GapSuggestArguments,
+    robot: &Robot,
+) -> Result<Vec<Question>, CliError> {
+    match (&arguments.report, &arguments.effects) {
+        (Some(path), _) => of_report(path, robot),
+        (None, Some(path)) => of_file(path, robot),
+        (None, None) => Err(CliError::Input(
+            "neither --report nor --effects: nothing says what is to be told apart".to_owned(),
+        )),
+    }
+}
+
+fn of_report(path: &Path, robot: &Robot) -> Result<Vec<Question>, CliError> {
+    let report = read_report(path)?;
+    let refuse = |reason: String| CliError::Input(format!("{}: {reason}", path.display()));
+    let mut found = Vec::new();
+    for joint in &report.joints {
+        let index = robot.joint_index(&joint.joint).ok_or_else(|| {
+            let name = &joint.joint;
+            refuse(format!(
+                "joint `{name}` is not in the robot file; give the robot file that was diagnosed"
+            ))
+        })?;
+        for pair in &joint.confusable {
+            let sizes = [
+                size(&report, joint, &pair.effects[0]).map_err(refuse)?,
+                size(&report, joint, &pair.effects[1]).map_err(refuse)?,
+            ];
+            let is_unknown = sizes.iter().all(Option::is_none);
+            if is_unknown {
+                let [one, other] = &pair.effects;
+                return Err(refuse(format!(
+                    "{}: says neither how large {one} nor how large {other} is; give both with --effects",
+                    joint.joint
+                )));
+            }
+            found.push(Question {
+                joint: index,
+                effects: pair.effects.clone(),
+                sizes,
+                distance_now: Some(pair.distance),
+            });
+        }
+    }
+    if found.is_empty() {
+        return Err(CliError::Negative(format!(
+            "{}: no two effects are confused, so there is nothing to tell apart",
+            path.display()
+        )));
+    }
+    Ok(found)
+}
+
+/// An effect as the report has it at a joint.
+fn size(report: &Report, joint: &JointReport, effect: &str) -> Result<Option<Effect>, String> {
+    let shared = report.shared_effects.iter().map(|shared| &shared.effect);
+    joint
+        .effects
+        .iter()
+        .chain(shared)
+        .find(|named| named.effect == effect)
+        .map(to_effect)
+        .transpose()
+}
+
+/// Every two effects of a joint are a pair.
+fn of_file(path: &Path, robot: &Robot) -> Result<Vec<Question>, CliError> {
+    let effects = robot::load_injection(path, robot).map_err(CliError::input)?;
+    let mut found = Vec::new();
+    for (k, one) in effects.iter().enumerate() {
+        for other in &effects[k + 1..] {
+            let joint = match (one.joint, other.joint) {
+                (Some(a), Some(b)) if a != b => continue,
+                // an effect of the whole arm is asked about where the other is, else where it weighs most
+                (a, b) => a.or(b).unwrap_or(0),
+            };
+            found.push(Question {
+                joint,
+                effects: [one, other].map(|effect| effect.effect.name().to_owned()),
+                sizes: [Some(one.effect), Some(other.effect)],
+                distance_now: None,
+            });
+        }
+    }
+    if found.is_empty() {
+        return Err(CliError::Input(format!(
+            "{}: holds no two effects of one joint; give the two that are to be told apart",
+            path.display()
+        )));
+    }
+    Ok(found)
+}

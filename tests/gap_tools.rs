@@ -1,0 +1,193 @@
+//! What is done with a diagnosis: the next experiment, the live watch, the round of inject, diagnose, apply and run.
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+mod support;
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+
+use serde_json::Value;
+use support::{Bench, kill, output, spawn, text};
+
+/// With the examples' robot, whose plant is one of its tolerance.
+fn bench(name: &str) -> Bench {
+    let bench = Bench::new(name);
+    fs::copy("examples/bench.toml", bench.file("bench.toml")).unwrap();
+    bench
+}
+
+fn flexspline(bench: &Bench, arguments: &str) -> String {
+    let mut command = bench.flexspline();
+    command.args(arguments.split_whitespace());
+    let output = output(command);
+    assert!(output.status.success(), "{arguments}: {}", text(&output));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn json(bench: &Bench, name: &str) -> Value {
+    serde_json::from_slice(&fs::read(bench.file(name)).unwrap()).unwrap()
+}
+
+/// Runs a trajectory on the plant with the effects of a file: leaves `run.mcap`.
+fn run(bench: &Bench, trajectory: &str, duration: &str, inject: &str) {
+    let mut run = bench.run(&["--mode", "lockstep", "--robot", "bench.toml"]);
+    run.args(["--trajectory", trajectory, "--duration", duration])
+        .args(["--inject", inject, "--estimators", "residual"]);
+    let ran = output(run);
+    assert!(ran.status.success(), "{}", text(&ran));
+}
+
+/// The joint's part of the report on such a run.
+fn diagnosed(bench: &Bench, trajectory: &str, duration: &str, out: &str) -> Value {
+    run(bench, trajectory, duration, "gap.toml");
+    flexspline(
+        bench,
+        &format!("gap diagnose --robot bench.toml --recording run.mcap --out {out}"),
+    );
+    json(bench, &format!("{out}/report.json"))["joints"][0].clone()
+}
+
+/// Whether an effect is taken for another.
+fn is_confused(joint: &Value, effect: &str) -> bool {
+    let pairs = joint["confusable"].as_array().unwrap();
+    pairs.iter().any(|pair| {
+        let effects = pair["effects"].as_array().unwrap();
+        effects.contains(&effect.into())
+    })
+}
+
+#[test]
+fn the_suggested_trajectory_tells_apart_what_the_data_could_not() {
+    let bench = bench("suggest");
+    let spring = "[[effect]]\njoint = \"joint1\"\neffect = \"joint_spring\"\nstiffness_nm_rad = 6.0\nrest_rad = 0.4\n";
+    fs::write(bench.file("gap.toml"), spring).unwrap();
+    let small = "[[joint]]\nkind = \"multi_sine\"\nname = \"joint1\"\namplitude_rad = 0.05\n";
+    fs::write(bench.file("small.toml"), small).unwrap();
+    // a spring, a link's weight and an offset of the encoder: all are a torque and a slope over so small a range
+    let before = diagnosed(&bench, "small.toml", "12s", "before");
+    assert!(is_confused(&before, "joint_spring"), "{before}");
+    let told = flexspline(
+        &bench,
+        "gap suggest --report before/report.json --robot bench.toml --out next.toml --duration 15s",
+    );
+    assert!(told.contains("best: "), "{told}");
+    let after = diagnosed(&bench, "next.toml", "15s", "after");
+    let effects = after["effects"].as_array().unwrap();
+    let named = effects
+        .iter()
+        .find(|found| found["effect"] == "joint_spring");
+    assert!(
+        named.unwrap()["probability"].as_f64().unwrap() > 0.9,
+        "{after}"
+    );
+    assert!(!is_confused(&after, "joint_spring"), "{after}");
+}
+
+#[test]
+fn effects_of_a_file_may_be_asked_about_and_what_no_motion_tells_apart_is_said() {
+    let bench = bench("delays");
+    let delays = ["command_delay", "sensor_delay"].map(|effect| {
+        format!("[[effect]]\njoint = \"joint1\"\neffect = \"{effect}\"\ndelay_s = 0.002\n")
+    });
+    fs::write(bench.file("two.toml"), delays.concat()).unwrap();
+    let mut command = bench.flexspline();
+    command.args([
+        "gap",
+        "suggest",
+        "--effects",
+        "two.toml",
+        "--out",
+        "next.toml",
+    ]);
+    command.args(["--robot", "bench.toml", "--duration", "4s"]);
+    let output = output(command);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    assert!(
+        text(&output).contains("sum of both delays"),
+        "{}",
+        text(&output)
+    );
+    assert!(!bench.file("next.toml").exists());
+}
+
+#[test]
+fn a_gap_is_named_when_it_appears_and_not_before() {
+    let bench = bench("watch");
+    let later = "[[effect]]\njoint = \"joint1\"\neffect = \"coulomb_friction\"\ncoulomb_nm = 1.0\nstart_s = 18.0\n";
+    fs::write(bench.file("later.toml"), later).unwrap();
+    run(&bench, "multi_sine", "26s", "later.toml");
+    flexspline(
+        &bench,
+        "gap watch --robot bench.toml --recording run.mcap --window 14s --json events.json",
+    );
+    let events = json(&bench, "events.json");
+    let events = events.as_array().unwrap();
+    assert_eq!(events[0]["event"], "watching", "{events:?}");
+    let gap = events.iter().find(|event| event["event"] == "gap").unwrap();
+    let appeared_s = gap["appeared_s"].as_f64().unwrap();
+    assert!((17.5..20.0).contains(&appeared_s), "{gap}");
+    assert_eq!(gap["candidates"][0]["effect"], "coulomb_friction", "{gap}");
+}
+
+#[test]
+fn a_running_instance_is_watched_through_its_relay() {
+    let bench = bench("live");
+    let mut run = bench.run(&["--robot", "bench.toml", "--trajectory", "multi_sine"]);
+    run.args(["--duration", "60s", "--estimators", "residual"]);
+    let run = spawn(run);
+    bench.await_process("loop");
+    let mut watch = bench.flexspline();
+    watch.args([
+        "gap",
+        "watch",
+        "--window",
+        "7s",
+        "--instance",
+        &bench.instance,
+    ]);
+    let mut watch = spawn(watch);
+    let heard = BufReader::new(watch.stdout.take().unwrap())
+        .lines()
+        .map_while(Result::ok)
+        .find(|line| line.contains("joint1: "));
+    assert!(heard.is_some());
+    kill(watch.id(), libc::SIGINT);
+    assert!(watch.wait().unwrap().success());
+    kill(run.id(), libc::SIGINT);
+    let output = run.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", text(&output));
+}
+
+#[test]
+fn with_the_mended_file_the_robot_follows_better_for_eight_effects() {
+    let bench = bench("round");
+    let effects = fs::read_to_string("examples/gap-round.toml").unwrap();
+    let chosen = effects.split("[[effect]]").filter(|entry| {
+        EIGHT
+            .iter()
+            .any(|effect| entry.contains(&format!("\"{effect}\"")))
+    });
+    let chosen: Vec<String> = chosen.map(|entry| format!("[[effect]]{entry}")).collect();
+    assert_eq!(chosen.len(), EIGHT.len());
+    fs::write(bench.file("gap.toml"), chosen.concat()).unwrap();
+    flexspline(
+        &bench,
+        "gap round --robot bench.toml --inject gap.toml --duration 10s --json rounds.json",
+    );
+    for round in json(&bench, "rounds.json").as_array().unwrap() {
+        let error = |which: &str| round["position_rms_rad"][which].as_f64().unwrap();
+        let (before, after) = (error("before"), error("after"));
+        assert!(after < 0.5 * before, "{round}");
+    }
+}
+
+const EIGHT: [&str; 8] = [
+    "coulomb_friction",
+    "viscous_friction",
+    "asymmetric_friction",
+    "load_dependent_friction",
+    "torque_offset",
+    "torque_constant_error",
+    "gravity_torque",
+    "joint_spring",
+];
