@@ -22,6 +22,8 @@ const AT_REVERSALS_ALWAYS: [&str; 3] = [
     "structural_damping",
     "torsional_hysteresis",
 ];
+/// What damping of the gear costs beside: below the band's limit it makes next to no torque.
+const DAMPING: f64 = 6.0;
 /// Those that show elsewhere only to a second encoder or a torque sensor.
 const AT_REVERSALS_UNSEEN: [&str; 3] = ["torsional_compliance", "soft_windup", "backlash"];
 /// What torques of no named law are worth in a good twin: over velocity, acceleration and travel since a reversal its
@@ -75,7 +77,9 @@ fn worth(ranking: &Ranking, scored: &Scored, gain: f64) -> f64 {
     let effect = scored.hypothesis.effect;
     let at_reversals = AT_REVERSALS_ALWAYS.contains(&effect)
         || !ranking.sees_torsion && AT_REVERSALS_UNSEEN.contains(&effect);
-    let beside = if at_reversals {
+    let beside = if effect == "structural_damping" {
+        AT_REVERSALS + DAMPING
+    } else if at_reversals {
         AT_REVERSALS
     } else if scored.hypothesis.is_periodic() {
         AMONG_MANY
