@@ -208,10 +208,10 @@ pub fn beyond_twin(structure: &[(&'static str, f64)]) -> Option<(&'static str, f
         .max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// What remains beside effects that are worth so many (tempered) nats.
+/// What remains beside effects that take so much off.
 pub fn remains(structure: &[(&'static str, f64)], named_nats: f64) -> Remains {
     let left_nats = beyond_twin(structure).map_or(0.0, |(_, nats)| nats);
-    let named_nats = named_nats.max(0.0) / TEMPER;
+    let named_nats = named_nats.max(0.0);
     if left_nats <= INEXACT * named_nats {
         Remains::Nothing
     } else if left_nats <= IMITATION * named_nats {
@@ -224,7 +224,7 @@ pub fn remains(structure: &[(&'static str, f64)], named_nats: f64) -> Remains {
 /// Probability that the cause is on no list.
 pub fn unknown_probability(structure: &[(&'static str, f64)], named_nats: f64) -> f64 {
     let left_nats = beyond_twin(structure).map_or(0.0, |(_, nats)| nats);
-    let named_nats = named_nats.max(0.0) / TEMPER;
+    let named_nats = named_nats.max(0.0);
     let is_left = 1.0 / (1.0 + ((INEXACT * named_nats - left_nats) / TURNS_NATS).exp());
     let left_nats = left_nats.max(0.0);
     is_left * left_nats / (left_nats + named_nats).max(1e-9)

@@ -59,6 +59,8 @@ pub struct Step {
     refitted: Vec<Refitted>,
     /// What the best of them is worth.
     pub best_nats: f64,
+    /// Half the squares and strain that the one that was added takes off.
+    gain: f64,
 }
 
 /// An effect fitted by simulation.
@@ -66,6 +68,8 @@ pub struct Step {
 struct Refitted {
     effect: &'static str,
     nats: f64,
+    /// Half the squares and strain that it takes off.
+    gain: f64,
     refined: Refined,
 }
 
@@ -102,20 +106,20 @@ impl Explanation {
         &self.rounds[self.rounds.len() - 1]
     }
 
-    /// What the effects that were added are worth.
-    pub fn named_nats(&self) -> f64 {
+    /// Half the squares and strain that the effects that were added take off, in units of noise and twin error.
+    pub fn named_gain(&self) -> f64 {
         let added = self.rounds.iter().filter(|step| step.added.is_some());
-        added.map(|step| step.best_nats).sum()
+        added.map(|step| step.gain).sum()
     }
 
     /// Whether a torque of no named law is left.
     pub fn remains(&self) -> Remains {
-        remains(&self.last().structure, self.named_nats())
+        remains(&self.last().structure, self.named_gain())
     }
 
     /// Probability that the cause is on no list.
     pub fn unknown_probability(&self) -> f64 {
-        unknown_probability(&self.last().structure, self.named_nats())
+        unknown_probability(&self.last().structure, self.named_gain())
     }
 }
 
@@ -158,7 +162,7 @@ pub fn explain(search: &Search<'_>, settled: &[Term]) -> Result<Explanation, Fil
         without: without.clone(),
         rounds,
     };
-    if explanation.named_nats() > 0.0 && explanation.remains() == Remains::Most {
+    if explanation.named_gain() > 0.0 && explanation.remains() == Remains::Most {
         // names that leave most of it would be wrong names
         return Ok(Explanation {
             refined: without.clone(),
@@ -365,9 +369,10 @@ impl Step {
         standings.refit(&round.ranking, without, &left);
         let mut refitted: Vec<Refitted> = refitted
             .into_iter()
-            .map(|(index, _, refined)| Refitted {
+            .map(|(index, left, refined)| Refitted {
                 effect: round.ranking.scored[index].hypothesis.effect,
                 nats: standings.nats_of(index),
+                gain: 0.5 * (without - left),
                 refined,
             })
             .collect();
@@ -378,6 +383,7 @@ impl Step {
             .collect();
         Ok(Self {
             best_nats: refitted.first().map_or(0.0, |best| best.nats),
+            gain: 0.0,
             base,
             structure,
             left,
@@ -393,6 +399,7 @@ impl Step {
     fn with(mut self, best: &Refitted) -> Self {
         self.added = Some(best.effect);
         self.best_nats = best.nats;
+        self.gain = best.gain;
         self
     }
 

@@ -1,5 +1,5 @@
 //! What was found in the samples is taken out before anything is fitted: rows that were not measured anew are no
-//! measurement, and an encoder's steps are those it has.
+//! measurement, and an encoder's steps are those it has. What the file itself tells of the whole arm is put into its links.
 
 use recording::{JointColumns, Recording, Signal};
 use robot::{Effect, EncoderSide, Robot};

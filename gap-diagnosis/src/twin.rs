@@ -269,14 +269,25 @@ impl<'a> JointTwin<'a> {
             model = model.with(effect);
         }
         let load = self.load(piece, changes);
-        let mut noise = seed.map(|seed| Sensors::new(seed, place));
-        let noise = noise.as_mut().map(|noise| noise as &mut dyn Noise);
-        simulate(&model, feedback, &piece.joint.drive, &load, noise)
+        let mut sensors = seed.map(|seed| Sensors::new(seed, place));
+        let noise = sensors.as_mut().map(|noise| noise as &mut dyn Noise);
+        let mut trace = simulate(&model, feedback, &piece.joint.drive, &load, noise);
+        // what holds the joint is told as the drive would report it: a drive that gives less reports more
+        for holding_nm in &mut trace.holding_nm {
+            *holding_nm /= model.torque_gain;
+        }
+        if let Some(mut sensors) = sensors.filter(|_| !piece.joint.has_command) {
+            // the reported torque drives the simulation, its noise and all: what holds the joint takes that off again
+            for holding_nm in &mut trace.holding_nm {
+                *holding_nm += model.gear_ratio * model.torque_noise_nm * sensors.normal();
+            }
+        }
+        trace
     }
 
     fn load(&self, piece: &Piece<'a>, changes: &Changes) -> Cow<'a, Load> {
         let mut load = Cow::Borrowed(&piece.joint.load);
-        if let Some(chain) = self.changed_chain(&changes.effects) {
+        if let Some(chain) = with_whole_arm(&self.robot.chain, &changes.effects) {
             load = Cow::Owned(piece.stretch.motion.load(&chain, self.joint));
         }
         for effect in &changes.effects {
@@ -291,20 +302,20 @@ impl<'a> JointTwin<'a> {
         }
         load
     }
+}
 
-    /// The arm with payload and tilt; none where there is neither, or no such arm.
-    fn changed_chain(&self, effects: &[Effect]) -> Option<Chain> {
-        if !effects.iter().any(Effect::is_whole_arm) {
-            return None;
-        }
-        robot::changed_chain(
-            self.robot.chain.links(),
-            self.robot.chain.gravity_m_s2(),
-            Isometry3::identity(),
-            effects.iter().map(|effect| (None, effect)),
-        )
-        .ok()
+/// The arm with the payloads and tilts among these effects; none where there are none, or no such arm.
+fn with_whole_arm(chain: &Chain, effects: &[Effect]) -> Option<Chain> {
+    if !effects.iter().any(Effect::is_whole_arm) {
+        return None;
     }
+    robot::changed_chain(
+        chain.links(),
+        chain.gravity_m_s2(),
+        Isometry3::identity(),
+        effects.iter().map(|effect| (None, effect)),
+    )
+    .ok()
 }
 
 impl<'a> Piece<'a> {
