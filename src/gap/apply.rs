@@ -180,6 +180,10 @@ pub fn to_effect(found: &NamedEffect) -> Result<Effect, String> {
                 let point = fields
                     .entry(point.to_owned())
                     .or_insert_with(|| vec![0.0; 3].into());
+                // a report may have the distance along z under the point's own name
+                if !point.is_array() {
+                    *point = vec![0.0; 3].into();
+                }
                 point[usize::from(axis.as_bytes()[0] - b'x')] = value;
             }
             _ => {

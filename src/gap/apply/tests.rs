@@ -57,6 +57,8 @@ fn found(effect: &Effect) -> Value {
     for (name, value) in fields {
         match value {
             Value::Array(point) => {
+                // as reports have it: the distance along z under the point's own name too
+                parameters.insert(name.clone(), number(point[2].as_f64().unwrap()));
                 for (axis, value) in ["x", "y", "z"].iter().zip(point) {
                     parameters.insert(format!("{name}_{axis}"), number(value.as_f64().unwrap()));
                 }
