@@ -44,7 +44,7 @@ pub struct JointCompared {
 }
 
 /// One estimator's score and cost.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Measured {
     /// Against the sensor.
     #[serde(flatten)]
