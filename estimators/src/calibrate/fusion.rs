@@ -65,6 +65,7 @@ impl Bench<'_> {
             moving_std_nm: 0.0,
             resting_std_nm: 0.0,
         };
+        self.filter(&frame)?; // what the robot file lacks is told before the long fit
         let start = self.start(&frame);
         let (first, _) = self.law(&frame, &start, &self.raw_motion());
         let filtered = self.filtered_motion(&first)?;

@@ -478,7 +478,7 @@ fn slowness(velocity_rad_s: f64) -> f64 {
 }
 
 #[cfg(test)]
-mod testing {
+pub(crate) mod testing {
     use super::*;
     use robot::estimators::KinematicErrorTable;
 
