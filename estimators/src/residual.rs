@@ -96,8 +96,9 @@ mod tests {
                 };
                 found_nm = residual.estimate(&sample).unwrap().torque_nm;
             }
-            // steady at 0.5 rad/s: 10 Nm less 2 Nm of Coulomb and 1·0.5 Nm of viscous friction; Stribeck's 0.6 Nm is 1e-44 there
-            assert!((found_nm - direction * 7.5).abs() < 1e-6, "{found_nm}");
+            // steady at 0.5 rad/s: 10 Nm less 2 Nm of Coulomb, 1·0.5 Nm of viscous and 0.6·e^-10 Nm of Stribeck friction
+            let expected_nm = direction * (7.5 - 0.6 * (-10.0_f64).exp());
+            assert!((found_nm - expected_nm).abs() < 1e-6, "{found_nm}");
         }
     }
 

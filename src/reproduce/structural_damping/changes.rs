@@ -2,6 +2,8 @@
 //!
 //! Neither robot file nor calibration is told of a change. SD, section I, argues that ageing asks for frequent calibration.
 
+use std::fs;
+
 use estimators::compare::Errors;
 use recording::Recording;
 use robot::{Effect, EncoderSide, Injection, Robot, RobotJoint};
@@ -12,6 +14,7 @@ use super::motions::Motion;
 use super::stage::Stage;
 use crate::error::CliError;
 use crate::estimate::compare::{Measured, one};
+use crate::output::cannot_write;
 use crate::reproduce::sheet::{Sheet, mean_and_range};
 
 /// What may change about a joint.
@@ -96,7 +99,7 @@ fn soft(joint: &RobotJoint) -> Vec<Effect> {
     joint.effects.iter().filter_map(less).collect()
 }
 
-/// Each change in turn, judged with what was calibrated before it.
+/// Each change in turn, judged with what was calibrated before it. Its recording is not kept: seed and effects make it again.
 ///
 /// # Errors
 /// [`CliError`] if the loop stopped or a file cannot be written.
@@ -110,7 +113,8 @@ pub fn run(stage: &Stage, calibrated: &Robot, motion: &Motion) -> Result<Vec<Cha
         let effects = (change.effects)(&stage.robot.joints[0]).into_iter();
         let injections: Vec<Injection> = effects.map(added).collect();
         let name = format!("{}-{}", motion.name, change.file);
-        let (_, recording) = stage.record(motion, &injections, &name)?;
+        let (path, recording) = stage.record(motion, &injections, &name)?;
+        fs::remove_file(&path).map_err(|error| cannot_write(&path, &error))?;
         scored(change.name, &recording, calibrated)
     });
     each.collect()

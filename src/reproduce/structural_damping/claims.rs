@@ -34,8 +34,8 @@ const CLAIM: &str = "SD's claim";
 const NUMBER: &str = "SD's number";
 const TARGET: &str = "target";
 
-/// What the scores say.
-pub fn judge(estimators: &[Measured]) -> Vec<Statement> {
+/// What the scores say; and how small structural damping's maximum can be with any parameters.
+pub fn judge(estimators: &[Measured], least_maximum_nm: Option<f64>) -> Vec<Statement> {
     let score = |kind: Kind| estimators.iter().find(|found| found.score.kind == kind);
     let dynamic = |kind| score(kind).and_then(|found| found.score.dynamic);
     let standing = |kind| score(kind).and_then(|found| found.score.static_load);
@@ -75,6 +75,14 @@ pub fn judge(estimators: &[Measured]) -> Vec<Statement> {
             max_nm,
         ));
     }
+    statements.extend(least_maximum_nm.map(|least_nm| {
+        less(
+            NUMBER,
+            "structural damping: maximum error in motion, parameters chosen on the judged data itself",
+            least_nm,
+            PUBLISHED_STRUCTURAL_DAMPING_NM[0],
+        )
+    }));
     let best = |phase: &dyn Fn(Kind) -> Option<Errors>| {
         let all = Kind::PUBLISHED.into_iter().map(|kind| rms(phase(kind)));
         all.fold(f64::INFINITY, f64::min)

@@ -8,6 +8,7 @@
 mod changes;
 mod claims;
 mod collisions;
+mod least_maximum;
 mod motions;
 mod scores;
 mod stage;
@@ -16,6 +17,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use estimators::calibrate::{Reference, calibrate};
+use estimators::compare::Judge;
 use recording::Recording;
 use report::Section;
 use robot::{EstimatorParameters, Robot};
@@ -30,6 +32,7 @@ use crate::output::{cannot_write, print, write_json, write_text};
 use changes::Changed;
 use claims::Statement;
 use collisions::{Collisions, Pushed};
+use least_maximum::least_maximum_nm;
 use motions::Motion;
 use stage::Stage;
 
@@ -176,6 +179,7 @@ fn experiment(
     let calibrated = equipped(by_sensor.parameters, Some(&robot_file))?;
     let judged =
         one(&path, &second, &calibrated, &calibrated.joints[0]).map_err(CliError::Input)?;
+    let judge = Judge::new(&second, &robot, joint).map_err(CliError::input)?;
     let mut changed = vec![
         Changed {
             change: UNCHANGED,
@@ -193,7 +197,7 @@ fn experiment(
         seed,
         robot_file,
         fits,
-        statements: claims::judge(&judged.estimators),
+        statements: claims::judge(&judged.estimators, least_maximum_nm(&judge, joint)),
         changed,
         collisions,
     };
@@ -273,7 +277,7 @@ mod tests {
         };
         assert!(rms_nm(Kind::Fusion) < rms_nm(Kind::Compliance));
         let joint = &found.joints[0];
-        assert_eq!(joint.statements.len(), 10);
+        assert_eq!(joint.statements.len(), 11);
         // as calibrated, on gravity, and four changes
         assert_eq!(joint.changed.len(), 6);
         for changed in &joint.changed {
