@@ -70,6 +70,7 @@ fn parameters() -> EstimatorParameters {
             free_std_nm: 0.1,
             moving_std_nm: 0.08,
             resting_std_nm: 0.05,
+            follows_stiffness: true,
         }),
     }
 }

@@ -15,7 +15,8 @@
 //! its encoder's step, and the less new the longer the reading has not changed, which in turn says that the rate is small. So
 //! torsion tells the torque at any time; the two inertias, with motor torque on one side, tell how torsion can have changed within
 //! a sample, so that the encoders' steps are averaged without delay; at rest gravity tells what a step has rounded away.
-//! `k`, the gear's stiffness over the calibration's, is followed slowly beside the filter: [`stiffness`]. Source of the
+//! `k`, the gear's stiffness over the calibration's, is followed slowly beside the filter where the calibration found that
+//! possible: [`stiffness`]. Source of the
 //! filter: Simon, Optimal State Estimation (2006), section 13.2; measurements one after the other, section 6.1. The torsion law:
 //! [`TorsionLaw`]. The standard deviation is that of the filter and of `k`, plus the torsion law's own error as the calibration saw
 //! it, moving and standing.
@@ -195,7 +196,7 @@ impl Fusion {
         Ok(Self {
             state: [0.0; STATES],
             covariance: Covariance::default(),
-            stiffness: Stiffness::new(&constants),
+            stiffness: Stiffness::new(&constants, parameters.follows_stiffness),
             constants,
             plays: Plays::default(),
             newest_cycle: None,
@@ -212,6 +213,11 @@ impl Fusion {
             link_rad: self.state[LINK],
             link_rad_s: self.state[LINK_RATE],
         }
+    }
+
+    /// Stiffness over the calibration's, as far as it is known.
+    pub(crate) fn stiffness_factor(&self) -> f64 {
+        self.stiffness.factor()
     }
 
     fn begin(&mut self, sample: &Sample) -> Result<(), Missing> {
@@ -498,6 +504,7 @@ pub(crate) mod testing {
             free_std_nm: 0.1,
             moving_std_nm: 0.0,
             resting_std_nm: 0.0,
+            follows_stiffness: true,
         }
     }
 }
