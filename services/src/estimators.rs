@@ -289,20 +289,19 @@ mod tests {
 
     #[test]
     fn without_any_one_signal_those_that_need_it_are_held_and_the_others_valid() {
-        let blinded: [(Signal, fn(&mut SensorSample)); 3] = [
-            (Signal::MotorPositionRad, |sample| {
-                sample.readings.motor_position_rad[0] = f64::NAN;
-            }),
-            (Signal::LinkPositionRad, |sample| {
-                sample.readings.link_position_rad[0] = f64::NAN;
-            }),
-            (Signal::MotorTorqueNm, |sample| {
-                sample.readings.motor_torque_nm[0] = f64::NAN;
-            }),
-        ];
-        for (signal, blind) in blinded {
+        for signal in [
+            Signal::MotorPositionRad,
+            Signal::LinkPositionRad,
+            Signal::MotorTorqueNm,
+        ] {
             let mut sample = sample(0, 0.05);
-            blind(&mut sample);
+            let readings = &mut sample.readings;
+            let blinded = match signal {
+                Signal::MotorPositionRad => &mut readings.motor_position_rad,
+                Signal::LinkPositionRad => &mut readings.link_position_rad,
+                _ => &mut readings.motor_torque_nm,
+            };
+            blinded[0] = f64::NAN;
             let answer = estimators(&[]).estimate(&sample);
             // what the shipped file has parameters for
             for kind in [Kind::Residual, Kind::StructuralDamping] {

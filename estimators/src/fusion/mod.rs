@@ -70,6 +70,10 @@ const RATE_WANDER_SLOW_RAD_S: f64 = 0.005;
 
 /// A reading gets no less new after so many samples, 1 s: it still says where the joint is.
 const STALE_SAMPLES: u32 = 1500;
+/// A reading that repeats although the joint must have passed so many steps was not taken anew: its sample was lost on the way.
+const FROZEN_STEPS: f64 = 5.0;
+/// For so many samples in a row; then the joint is taken to have stopped.
+const FROZEN_SAMPLES_MAX: u32 = 3;
 /// A reading that has not changed for so many samples, 10 ms, says that the rate is below a step in that time.
 const STANDING_SAMPLES: u32 = 15;
 
@@ -303,6 +307,11 @@ impl Fusion {
                 continue;
             }
             let staleness = reading.staleness(measured_rad);
+            // variance of a value rounded to a step: a twelfth of its square
+            let passed_steps2 = (measured_rad - self.state[state]).powi(2) / (12.0 * step_var_rad2);
+            if reading.may_be_frozen() && passed_steps2 > FROZEN_STEPS.powi(2) {
+                continue;
+            }
             let variance_rad2 = step_var_rad2 * staleness;
             self.covariance
                 .correct(&mut self.state, state, measured_rad, variance_rad2);
@@ -453,6 +462,11 @@ impl Constants {
 }
 
 impl Reading {
+    /// It has just begun to repeat.
+    fn may_be_frozen(&self) -> bool {
+        (1..=FROZEN_SAMPLES_MAX).contains(&self.repeated)
+    }
+
     /// By how much less a reading tells the longer it stays: what an encoder rounds away is no noise that averaging removes.
     fn staleness(&mut self, value_rad: f64) -> f64 {
         self.repeated = if value_rad == self.value_rad {
