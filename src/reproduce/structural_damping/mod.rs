@@ -260,7 +260,11 @@ mod tests {
             ..motion
         };
         let motions = Motions {
-            calibration: short(motions::CALIBRATION, 26.0),
+            // from half a minute on: some swings, then the slow sweep that gravity is known in
+            calibration: Motion {
+                position_rad: |time_s| (motions::CALIBRATION.position_rad)(time_s + 30.0),
+                ..short(motions::CALIBRATION, 34.0)
+            },
             judgement: short(motions::JUDGEMENT, 20.0),
             alone: short(motions::ROUTINE, 40.0),
         };
