@@ -652,6 +652,7 @@ Examples:
   flexspline reproduce pa10-2003 --identified arm/identified.toml   with a model identified before, on the same --seed
   flexspline reproduce pa10-2005 --arms 3                  on three arms, results with their range
   flexspline reproduce structural-damping                  two data sets of the emulated joint: one to calibrate, one to judge
+  flexspline reproduce structural-damping --arms 3         on three joints, results with their range
 
 Everything runs in virtual time. The folder gets report.html, reproduce.json and, in identify/, what identification
 recorded: recordings that are there already are not made again.

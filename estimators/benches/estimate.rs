@@ -1,17 +1,22 @@
-//! What one estimate of each of seven joints costs, estimator by estimator and all together.
+//! What one estimate of each of seven joints costs: estimator by estimator, the external torque, and all together.
+//!
+//! The yardstick is the inverse dynamics of the same arm, once.
 #![allow(missing_docs, reason = "the macros make undocumented functions")]
 
 use std::f64::consts::TAU;
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use estimators::{JointEstimators, Kind, Sample};
+use estimators::{Estimate, ExternalTorque, JointEstimators, Kind, Sample};
+use robot::Robot;
 use robot::estimators::{
     ComplianceParameters, DisturbanceObserverParameters, EstimatorParameters, FusionParameters,
     GaussianProcessTable, KinematicErrorTable, TaghiradParameters,
 };
 
 const JOINTS: usize = 7;
+/// Of the arm's links, as large as SD's.
+const LINK_ENCODER_RAD: f64 = 1.2e-5;
 const PERIOD_S: f64 = 1.0 / 1500.0;
 
 /// Parameters of the size that a calibration gives.
@@ -65,6 +70,7 @@ fn parameters() -> EstimatorParameters {
             free_std_nm: 0.1,
             moving_std_nm: 0.08,
             resting_std_nm: 0.05,
+            follows_stiffness: true,
         }),
     }
 }
@@ -82,30 +88,100 @@ fn sample(cycle: u64) -> Sample {
     }
 }
 
+/// The PA-10 with link encoders and every estimator calibrated.
+fn arm() -> Robot {
+    let mut arm = robot::load("pa10").expect("shipped");
+    for joint in &mut arm.joints {
+        joint.link_encoder_resolution_rad = Some(LINK_ENCODER_RAD);
+        joint.estimators = Some(parameters());
+    }
+    arm
+}
+
+/// One cycle of the arm by these estimators; the fused torques.
+fn estimate(
+    joints: &mut [JointEstimators],
+    kinds: &[Kind],
+    sample: &Sample,
+) -> [Option<Estimate>; JOINTS] {
+    let mut fused = [None; JOINTS];
+    for (joint, fused) in joints.iter_mut().zip(&mut fused) {
+        for kind in kinds {
+            let answer = black_box(joint.estimate(*kind, black_box(sample)));
+            if *kind == Kind::Fusion {
+                *fused = answer.and_then(Result::ok);
+            }
+        }
+    }
+    fused
+}
+
+fn yardstick(criterion: &mut Criterion) {
+    let chain = arm().chain;
+    let [position_rad, velocity_rad_s, acceleration_rad_s2] =
+        [[0.3; JOINTS], [0.4; JOINTS], [0.5; JOINTS]];
+    let mut torque_nm = [0.0; JOINTS];
+    criterion.bench_function("yardstick: inverse dynamics", |bench| {
+        bench.iter(|| {
+            chain.inverse_dynamics(
+                black_box(&position_rad),
+                &velocity_rad_s,
+                &acceleration_rad_s2,
+                &mut torque_nm,
+            );
+            black_box(&mut torque_nm);
+        })
+    });
+}
+
 fn estimators(criterion: &mut Criterion) {
-    let mut joint = robot::load("shd17").expect("shipped").joints.remove(0);
-    joint.estimators = Some(parameters());
-    let one = JointEstimators::new(&joint, PERIOD_S).expect("possible parameters");
-    let sets = Kind::ALL
-        .map(|kind| (kind.name(), vec![kind]))
-        .into_iter()
-        .chain([("all", Kind::ALL.to_vec())]);
-    for (name, kinds) in sets {
-        let mut joints = vec![one.clone(); JOINTS];
+    let arm = arm();
+    let joints = arm.joints.iter();
+    let joints: Vec<JointEstimators> = joints
+        .map(|joint| JointEstimators::new(joint, PERIOD_S).expect("possible parameters"))
+        .collect();
+    for kind in Kind::ALL {
+        let mut joints = joints.clone();
         let mut cycle = 0;
-        criterion.bench_function(&format!("seven joints: {name}"), |bench| {
+        criterion.bench_function(&format!("seven joints: {}", kind.name()), |bench| {
             bench.iter(|| {
                 cycle += 1;
-                let sample = sample(cycle);
-                for joint in &mut joints {
-                    for kind in &kinds {
-                        black_box(joint.estimate(*kind, black_box(&sample)));
-                    }
-                }
+                estimate(&mut joints, &[kind], &sample(cycle));
             })
         });
     }
+    external_torque(criterion, &arm);
+    let (mut joints, mut external) = (joints, observer(&arm));
+    let mut cycle = 0;
+    criterion.bench_function("seven joints: all, and external torque", |bench| {
+        bench.iter(|| {
+            cycle += 1;
+            let sample = sample(cycle);
+            let fused = estimate(&mut joints, &Kind::ALL, &sample);
+            black_box(external.estimate(&[sample; JOINTS], &fused));
+        })
+    });
 }
 
-criterion_group!(benches, estimators);
+fn external_torque(criterion: &mut Criterion, arm: &Robot) {
+    let mut external = observer(arm);
+    let fused = Estimate {
+        torque_nm: 1.0,
+        std_nm: Some(0.1),
+    };
+    let mut cycle = 0;
+    criterion.bench_function("seven joints: external torque", |bench| {
+        bench.iter(|| {
+            cycle += 1;
+            let samples = [sample(cycle); JOINTS];
+            black_box(external.estimate(&samples, &[Some(fused); JOINTS]));
+        })
+    });
+}
+
+fn observer(arm: &Robot) -> ExternalTorque {
+    ExternalTorque::new(arm, PERIOD_S).expect("a possible filter")
+}
+
+criterion_group!(benches, yardstick, estimators);
 criterion_main!(benches);

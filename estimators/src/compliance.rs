@@ -79,22 +79,9 @@ impl TorqueEstimator for Compliance {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::twisted;
+    use crate::testing::{compliance as parameters, twisted};
     use recording::Signal;
     use robot::estimators::KinematicErrorTable;
-
-    fn parameters() -> ComplianceParameters {
-        ComplianceParameters {
-            stiffness_nm_rad: 8333.0,
-            stiffening_per_nm: 0.089,
-            wave_generator_stiffness_nm_rad: 1.33,
-            wave_generator_stiffening_per_nm: 83.5,
-            torsion_scale: 0.9,
-            torque_scale: 1.1,
-            zero_rad: 1e-5,
-            kinematic_error: KinematicErrorTable::default(),
-        }
-    }
 
     #[test]
     fn equations_5_7_and_8_by_hand() {
@@ -112,6 +99,37 @@ mod tests {
         let found = estimator.estimate(&sample).unwrap().torque_nm;
         assert!((found - expected).abs() < 1e-9, "{found} {expected}");
         assert!((found - 9.598).abs() < 0.001, "{found}");
+    }
+
+    #[test]
+    fn equation_8_undoes_equation_6() {
+        let plain = ComplianceParameters {
+            torsion_scale: 1.0,
+            torque_scale: 1.0,
+            zero_rad: 0.0,
+            ..parameters()
+        };
+        let mut estimator = Compliance::new(&plain, 100.0);
+        for torque_nm in [-12.0, -0.3, 0.0, 5.0, 16.0_f64] {
+            // eq (6)
+            let flexspline_rad = (0.089 * torque_nm).atan() / (0.089 * 8333.0);
+            let sample = Sample {
+                motor_torque_nm: 0.0,
+                ..twisted(0, flexspline_rad)
+            };
+            let found = estimator.estimate(&sample).unwrap().torque_nm;
+            assert!((found - torque_nm).abs() < 1e-9, "{found} {torque_nm}");
+        }
+    }
+
+    #[test]
+    fn equation_7_is_odd_and_ends_at_its_largest_torsion() {
+        let estimator = Compliance::new(&parameters(), 100.0);
+        // 1/(83.5·100·1.33) = 9.0046e-5 rad at the motor
+        for (motor_torque_nm, expected_rad) in [(1.0, 9.0046e-7), (-1.0, -9.0046e-7), (0.0, 0.0)] {
+            let found = estimator.wave_generator_rad(motor_torque_nm);
+            assert!((found - expected_rad).abs() < 1e-11, "{found}");
+        }
     }
 
     #[test]

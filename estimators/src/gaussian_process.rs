@@ -80,6 +80,28 @@ fn interpolated(rows: &[Vec<f64>], [row, column]: [Place; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::{calibrated_joint, compliance, twisted};
+
+    #[test]
+    fn a_torque_by_hand() {
+        let known = calibrated_joint().estimators.unwrap();
+        let table = known.gaussian_process.unwrap();
+        let mut estimator = GaussianProcess::new(&compliance(), table, 100.0);
+        let sample = Sample {
+            motor_torque_nm: 0.1,
+            ..twisted(
+                0,
+                1e-5 + 1.0 / (83.5 * 100.0 * 1.33) / 100.0 * (1.0 - (-8.35_f64).exp()),
+            )
+        };
+        let found = estimator.estimate(&sample).unwrap();
+        // no flexspline torsion: T_c = 0, the middle column; 100·0.1 = 10 Nm of -20 to 20, three quarters of the way up
+        assert!(
+            (found.torque_nm - (0.5 + 0.75 * 2.0)).abs() < 1e-9,
+            "{found:?}"
+        );
+        assert!((found.std_nm.unwrap() - 0.25).abs() < 1e-9, "{found:?}");
+    }
 
     #[test]
     fn a_plane_is_interpolated_exactly_and_the_edge_goes_on() {

@@ -2,6 +2,7 @@
 
 use joint_model::filter::FilterError;
 use joint_model::rigid_body::ChainError;
+use recording::Signal;
 use robot::RobotJoint;
 use serde::{Deserialize, Serialize};
 
@@ -77,6 +78,18 @@ impl Kind {
         }
     }
 
+    /// The signals without which it gives no estimate.
+    pub fn needs(self) -> &'static [Signal] {
+        use Signal::{LinkPositionRad, MotorPositionRad, MotorTorqueNm};
+        match self {
+            Self::StructuralDamping | Self::Taghirad => &[MotorPositionRad, LinkPositionRad],
+            Self::Residual | Self::DisturbanceObserver => &[MotorPositionRad, MotorTorqueNm],
+            Self::Compliance | Self::GaussianProcess | Self::Fusion => {
+                &[MotorPositionRad, LinkPositionRad, MotorTorqueNm]
+            }
+        }
+    }
+
     /// The estimator of that identifier.
     pub fn from_identifier(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.identifier() == name)
@@ -87,7 +100,7 @@ impl Kind {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EstimatorError {
     /// The control period is too long for a filter.
-    #[error("torque estimators of joint `{joint}`: {source}")]
+    #[error("joint `{joint}`: samples come too seldom for a torque estimator's filter ({source})")]
     Filter {
         /// The joint.
         joint: String,
@@ -103,7 +116,7 @@ pub enum EstimatorError {
         source: NoResolution,
     },
     /// The control period is too long for the external torque's filter.
-    #[error("external torque: {0}")]
+    #[error("external torque: samples come too seldom for its filter ({0})")]
     ExternalFilter(FilterError),
     /// A link cannot be heavier by its tolerance.
     #[error("external torque: {0}")]
@@ -187,5 +200,50 @@ impl JointEstimators {
     /// The estimate of a kind, if the joint has it.
     pub fn estimate(&mut self, kind: Kind, sample: &Sample) -> Option<Result<Estimate, Missing>> {
         self.get(kind).map(|estimator| estimator.estimate(sample))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::calibrated_joint;
+    use recording::Signal;
+
+    const PERIOD_S: f64 = 1.0 / 1500.0;
+
+    fn without(signal: Option<Signal>) -> Sample {
+        let value = |own: Signal, value: f64| {
+            if signal == Some(own) { f64::NAN } else { value }
+        };
+        Sample {
+            cycle: 0,
+            motor_position_rad: value(Signal::MotorPositionRad, 10.0),
+            link_position_rad: value(Signal::LinkPositionRad, 0.0995),
+            motor_torque_nm: value(Signal::MotorTorqueNm, 0.05),
+            load_nm: 0.6,
+        }
+    }
+
+    #[test]
+    fn every_estimator_names_every_signal_it_needs_and_no_other() {
+        for kind in Kind::ALL {
+            let answer = |signal| {
+                let mut joint = JointEstimators::new(&calibrated_joint(), PERIOD_S).unwrap();
+                joint.estimate(kind, &without(signal)).unwrap()
+            };
+            assert!(answer(None).is_ok(), "{kind:?}");
+            for signal in [
+                Signal::MotorPositionRad,
+                Signal::LinkPositionRad,
+                Signal::MotorTorqueNm,
+            ] {
+                let found = answer(Some(signal));
+                if kind.needs().contains(&signal) {
+                    assert_eq!(found, Err(Missing(signal)), "{kind:?}");
+                } else {
+                    assert!(found.is_ok(), "{kind:?} without {signal}: {found:?}");
+                }
+            }
+        }
     }
 }

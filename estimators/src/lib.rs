@@ -119,7 +119,54 @@ impl Sample {
 
 #[cfg(test)]
 mod testing {
+    use robot::RobotJoint;
+    use robot::estimators::{
+        ComplianceParameters, DisturbanceObserverParameters, EstimatorParameters,
+        GaussianProcessTable, KinematicErrorTable, TaghiradParameters,
+    };
+
     use super::*;
+
+    /// The shipped joint with parameters for every estimator.
+    pub fn calibrated_joint() -> RobotJoint {
+        let mut joint = robot::load("shd17").unwrap().joints.remove(0);
+        joint.estimators = Some(EstimatorParameters {
+            structural_damping: None,
+            compliance: Some(compliance()),
+            taghirad: Some(TaghiradParameters {
+                stiffness_nm_rad: 8000.0,
+                damping_nm: 2.0,
+                exponent: 0.5,
+                zero_rad: 0.0,
+            }),
+            disturbance_observer: Some(DisturbanceObserverParameters {
+                coulomb_nm: [2.0; 2],
+                viscous_nm_s_rad: [1.0; 2],
+            }),
+            gaussian_process: Some(GaussianProcessTable {
+                compliance_nm: [-10.0, 10.0],
+                motor_nm: [-20.0, 20.0],
+                residual_nm: vec![vec![0.0, 1.0], vec![2.0, 3.0]],
+                std_nm: vec![vec![0.1, 0.1], vec![0.3, 0.3]],
+            }),
+            fusion: Some(crate::fusion::testing::parameters()),
+        });
+        joint
+    }
+
+    /// SD Table II in SI, with `S_1`, `S_2` near one.
+    pub fn compliance() -> ComplianceParameters {
+        ComplianceParameters {
+            stiffness_nm_rad: 8333.0,
+            stiffening_per_nm: 0.089,
+            wave_generator_stiffness_nm_rad: 1.33,
+            wave_generator_stiffening_per_nm: 83.5,
+            torsion_scale: 0.9,
+            torque_scale: 1.1,
+            zero_rad: 1e-5,
+            kinematic_error: KinematicErrorTable::default(),
+        }
+    }
 
     /// A sample without motor torque at this torsion, motor at zero.
     pub fn twisted(cycle: u64, torsion_rad: f64) -> Sample {
@@ -130,5 +177,20 @@ mod testing {
             motor_torque_nm: f64::NAN,
             load_nm: 0.0,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equation_11_with_a_positive_torque_twisting_positively() {
+        let sample = Sample {
+            motor_position_rad: 0.5,
+            ..testing::twisted(0, -0.004)
+        };
+        // SD's Δθ is link minus motor over N: 0.004 - 0.5/100 = -0.001
+        assert!((sample.torsion_rad(100.0).unwrap() - 0.001).abs() < 1e-15);
     }
 }

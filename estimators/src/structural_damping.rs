@@ -171,6 +171,32 @@ mod tests {
     }
 
     #[test]
+    fn equation_10_accumulates_a_steady_rate_up_to_its_leak() {
+        // T(t) = B·r·τ (1 - e^(-t/τ)) with B = 8000, r = 0.001 rad/s, τ = 0.5 s, beyond the threshold from the beginning
+        let mut estimator = estimator(0.5, 0.0);
+        let torsion = |cycle: u64| 1e-3 + 1e-3 * cycle as f64 * PERIOD_S;
+        torque_nm(&mut estimator, 0, torsion(0));
+        for cycle in 1..=3000 {
+            let found = torque_nm(&mut estimator, cycle, torsion(cycle));
+            let time_s = cycle as f64 * PERIOD_S;
+            let expected = 8000.0 * 1e-3 * 0.5 * (1.0 - (-time_s / 0.5).exp());
+            // the sum takes each period's rate at its end: half a period of it
+            assert!(
+                (found - expected).abs() < 8000.0 * 1e-3 * PERIOD_S,
+                "{found} {expected}"
+            );
+        }
+    }
+
+    #[test]
+    fn equation_13_counts_from_the_threshold_itself_on() {
+        let mut at = estimator(15.36, 0.0);
+        torque_nm(&mut at, 0, 2.6e-4);
+        assert!((torque_nm(&mut at, 1, 2.7e-4) - 8000.0 * 1e-5).abs() < 1e-9);
+        assert_eq!(torque_nm(&mut at, 2, 2.6999e-4), 0.0);
+    }
+
+    #[test]
     fn a_lost_sample_loses_no_torsion_and_a_long_gap_starts_again() {
         let (mut whole, mut holed) = (estimator(15.36, 0.0), estimator(15.36, 0.0));
         let ramp = |cycle: u64| 1e-6 * cycle as f64;

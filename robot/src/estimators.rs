@@ -149,6 +149,13 @@ pub struct FusionParameters {
     pub moving_std_nm: f64,
     /// The same while it stands.
     pub resting_std_nm: f64,
+    /// Whether a change of stiffness is followed: not where the joint's friction would be taken for one. Yes if not said.
+    #[serde(default = "followed")]
+    pub follows_stiffness: bool,
+}
+
+fn followed() -> bool {
+    true
 }
 
 /// The most values a list here may have; the estimators' buffers are sized by it.

@@ -19,6 +19,17 @@ pub enum EstimatorsError {
         /// As given.
         name: String,
     },
+    /// It was asked for, and no joint has its parameters.
+    #[error(
+        "no joint of robot `{robot}` has parameters for estimator `{}`; `flexspline estimate calibrate` writes them into its file",
+        kind.identifier()
+    )]
+    NotCalibrated {
+        /// Which.
+        kind: Kind,
+        /// The robot's name.
+        robot: String,
+    },
     /// One of them cannot be made.
     #[error(transparent)]
     Estimator(#[from] EstimatorError),
@@ -60,17 +71,26 @@ impl Estimators {
     /// The estimators of these names, all if none is named, with the robot file's values.
     ///
     /// # Errors
-    /// [`EstimatorsError`] for an unknown name, a control period that is too long for their filters, or an encoder's step that
-    /// the robot file lacks.
+    /// [`EstimatorsError`] for a name that is unknown or that no joint has parameters for, a control period that is too long
+    /// for their filters, or an encoder's step that the robot file lacks.
     pub fn new(robot: &Robot, names: &[String], period_s: f64) -> Result<Self, EstimatorsError> {
         let joints = robot.joints.iter();
         let joints: Result<Vec<_>, _> = joints
             .map(|joint| JointEstimators::new(joint, period_s))
             .collect();
+        let (mut joints, kinds) = (joints?, kinds(names)?);
+        let mut is_absent = |kind: Kind| joints.iter_mut().all(|joint| joint.get(kind).is_none());
+        let absent = kinds.iter().find(|kind| is_absent(**kind));
+        if let (Some(kind), false) = (absent, names.is_empty()) {
+            return Err(EstimatorsError::NotCalibrated {
+                kind: *kind,
+                robot: robot.name.clone(),
+            });
+        }
         let count = robot.joints.len();
         Ok(Self {
-            joints: joints?,
-            kinds: kinds(names)?,
+            joints,
+            kinds,
             external: ExternalTorque::new(robot, period_s)?,
             gear_ratios: robot.joints.iter().map(|joint| joint.gear_ratio).collect(),
             chain: robot.chain.clone(),
@@ -202,6 +222,7 @@ fn note(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use recording::Signal;
 
     const PERIOD_S: f64 = 1.0 / 1500.0;
 
@@ -253,5 +274,44 @@ mod tests {
         assert_eq!(one.residual.validity[0], Validity::Absent as u32);
         assert_eq!(one.structural_damping.validity[0], Validity::Valid as u32);
         assert!(kinds(&["momentum".to_owned()]).is_err());
+    }
+
+    #[test]
+    fn asking_for_what_no_joint_is_calibrated_for_is_an_error_that_says_how() {
+        let robot = robot::load("shd17").expect("shipped");
+        let refused = Estimators::new(&robot, &["fusion".to_owned()], PERIOD_S);
+        let told = refused.expect_err("nothing calibrated").to_string();
+        assert!(
+            told.contains("`fusion`") && told.contains("estimate calibrate"),
+            "{told}"
+        );
+    }
+
+    #[test]
+    fn without_any_one_signal_those_that_need_it_are_held_and_the_others_valid() {
+        for signal in [
+            Signal::MotorPositionRad,
+            Signal::LinkPositionRad,
+            Signal::MotorTorqueNm,
+        ] {
+            let mut sample = sample(0, 0.05);
+            let readings = &mut sample.readings;
+            let blinded = match signal {
+                Signal::MotorPositionRad => &mut readings.motor_position_rad,
+                Signal::LinkPositionRad => &mut readings.link_position_rad,
+                _ => &mut readings.motor_torque_nm,
+            };
+            blinded[0] = f64::NAN;
+            let answer = estimators(&[]).estimate(&sample);
+            // what the shipped file has parameters for
+            for kind in [Kind::Residual, Kind::StructuralDamping] {
+                let expected = match kind.needs().contains(&signal) {
+                    true => Validity::Held,
+                    false => Validity::Valid,
+                };
+                let found = of(&answer, kind).validity[0];
+                assert_eq!(found, expected as u32, "{kind:?} without {signal}");
+            }
+        }
     }
 }

@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use estimators::Kind;
 use joint_model::rigid_body::Chain;
+use recording::Signal;
 use robot::Robot;
 use serde::{Deserialize, Serialize};
-use shm_types::messages::{Command, LoopState, PerJoint, TorqueEstimate};
+use shm_types::messages::{Command, LoopState, PerJoint, Readings, TorqueEstimate, Validity};
 
 use crate::estimators::of;
 use crate::relay::CycleMessages;
@@ -84,6 +85,8 @@ pub struct JointTracking {
     pub feedback_torque_nm: Option<ErrorSummary>,
     /// Estimate minus the torque truly transmitted, estimator by estimator.
     pub estimate_errors_nm: BTreeMap<Kind, ErrorSummary>,
+    /// Estimators that never gave a torque, each with the signal that was never measured.
+    pub missing_signals: BTreeMap<Kind, String>,
     /// What is estimated to push the link from outside.
     pub external_torque_nm: Option<ErrorSummary>,
     /// How often that went beyond its threshold.
@@ -117,11 +120,22 @@ pub struct TrackingReport {
     pub recording_error: Option<String>,
 }
 
+/// What torque estimators live on.
+const ESTIMATED_FROM: [Signal; 3] = [
+    Signal::MotorPositionRad,
+    Signal::LinkPositionRad,
+    Signal::MotorTorqueNm,
+];
+
 #[derive(Clone, Copy, Debug, Default)]
 struct JointSums {
     position_rad: ErrorSum,
     feedback_nm: ErrorSum,
     estimates_nm: [ErrorSum; Kind::ALL.len()],
+    /// The estimators that the service has for this joint.
+    running: [bool; Kind::ALL.len()],
+    /// Which of [`ESTIMATED_FROM`] were measured at least once.
+    measured: [bool; ESTIMATED_FROM.len()],
     external_nm: ErrorSum,
     is_contact: bool,
     contacts: u64,
@@ -137,9 +151,11 @@ impl JointSums {
         since_s: f64,
     ) {
         let after_start = since_s > START_S;
-        for (kind, sum) in Kind::ALL.into_iter().zip(&mut self.estimates_nm) {
-            let [estimate_nm, _] = of(estimate, kind).valid_nm(joint);
-            sum.add(estimate_nm - torque_nm, after_start);
+        for (place, kind) in Kind::ALL.into_iter().enumerate() {
+            let said = of(estimate, kind);
+            self.running[place] |= said.validity[joint] != Validity::Absent as u32;
+            let [estimate_nm, _] = said.valid_nm(joint);
+            self.estimates_nm[place].add(estimate_nm - torque_nm, after_start);
         }
         self.external_nm
             .add(estimate.external.torque_nm[joint], after_start);
@@ -149,6 +165,30 @@ impl JointSums {
             self.first_contact_s.get_or_insert(since_s);
         }
         self.is_contact = is_contact;
+    }
+
+    fn note_measured(&mut self, readings: &Readings, joint: usize) {
+        let values = [
+            readings.motor_position_rad[joint],
+            readings.link_position_rad[joint],
+            readings.motor_torque_nm[joint],
+        ];
+        for (measured, value) in self.measured.iter_mut().zip(values) {
+            *measured |= value.is_finite();
+        }
+    }
+
+    fn missing_signals(&self) -> BTreeMap<Kind, String> {
+        let running = Kind::ALL.into_iter().zip(self.running);
+        let missing = |kind: Kind| {
+            let all = ESTIMATED_FROM.into_iter().zip(self.measured);
+            let mut never = all.filter(|(_, measured)| !measured);
+            never.find(|(signal, _)| kind.needs().contains(signal))
+        };
+        running
+            .filter(|(_, running)| *running)
+            .filter_map(|(kind, _)| Some((kind, missing(kind)?.0.to_string())))
+            .collect()
     }
 
     fn estimate_errors_nm(&self) -> BTreeMap<Kind, ErrorSummary> {
@@ -215,6 +255,7 @@ impl Tracking {
                 command.feedback_torque_nm[joint] * self.gear_ratios[joint],
                 after_start,
             );
+            sums.note_measured(&sample.readings, joint);
             let sensor_nm = sample.readings.joint_torque_nm[joint];
             let torque_nm = row
                 .truth
@@ -266,6 +307,7 @@ impl Tracking {
                 position_error_rad: sums.position_rad.summary(),
                 feedback_torque_nm: sums.feedback_nm.summary(),
                 estimate_errors_nm: sums.estimate_errors_nm(),
+                missing_signals: sums.missing_signals(),
                 external_torque_nm: sums.external_nm.summary(),
                 contacts: sums.contacts,
                 first_contact_s: sums.first_contact_s,
@@ -283,6 +325,24 @@ impl Tracking {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_estimator_whose_signal_was_never_measured_is_told_with_it() {
+        let mut sums = JointSums::default();
+        let mut readings = Readings::default();
+        readings.motor_position_rad[0] = 1.0;
+        readings.motor_torque_nm[0] = 0.1;
+        sums.note_measured(&readings, 0);
+        let mut message = TorqueEstimate::default();
+        message.structural_damping.validity[0] = Validity::Held as u32;
+        message.residual.validity[0] = Validity::Valid as u32;
+        sums.add_estimates(&message, 0, 0.0, 0.0);
+        let missing = sums.missing_signals();
+        assert_eq!(
+            missing.into_iter().collect::<Vec<_>>(),
+            [(Kind::StructuralDamping, "link_position_rad".to_owned())]
+        );
+    }
 
     #[test]
     fn sums_are_mean_rms_and_maximum() {

@@ -38,13 +38,15 @@ pub struct JointCompared {
     pub static_rows: usize,
     /// Estimator by estimator.
     pub estimators: Vec<Measured>,
+    /// Those that the robot file has no parameters for.
+    pub not_calibrated: Vec<Kind>,
     /// What the page draws.
     #[serde(skip)]
     pub traces: Traces,
 }
 
 /// One estimator's score and cost.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Measured {
     /// Against the sensor.
     #[serde(flatten)]
@@ -114,7 +116,7 @@ pub fn one(
     let judge = Judge::new(recording, robot, joint).map_err(|error| error.to_string())?;
     let mut estimators =
         JointEstimators::new(joint, judge.log.period_s).map_err(|error| error.to_string())?;
-    let mut measured = Vec::new();
+    let (mut measured, mut not_calibrated) = (Vec::new(), Vec::new());
     let mut traces = Traces {
         time_s: judge.log.time_s.clone(),
         reference_nm: judge.log.joint_torque_nm.clone(),
@@ -122,6 +124,7 @@ pub fn one(
     };
     for kind in Kind::ALL {
         let Some(estimator) = estimators.get(kind) else {
+            not_calibrated.push(kind);
             continue;
         };
         let begun = Instant::now();
@@ -152,6 +155,7 @@ pub fn one(
         dynamic_rows: JointLog::rows(&judge.log) - standing,
         static_rows: standing,
         estimators: measured,
+        not_calibrated,
         traces,
     })
 }

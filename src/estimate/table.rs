@@ -128,5 +128,17 @@ pub fn scores(compared: &JointCompared) -> String {
         let why = measured.score.missing.as_deref().unwrap_or_default();
         let _ = writeln!(text, "{}: no estimate, {why}", measured.score.kind.name());
     }
+    if !compared.not_calibrated.is_empty() {
+        let names: Vec<&str> = compared
+            .not_calibrated
+            .iter()
+            .map(|kind| kind.name())
+            .collect();
+        let _ = writeln!(
+            text,
+            "not in the robot file, `estimate calibrate` finds them: {}",
+            names.join(", ")
+        );
+    }
     text
 }

@@ -9,6 +9,7 @@ mod page;
 mod region;
 mod results;
 mod shares;
+mod sheet;
 mod structural_damping;
 mod tables;
 mod targets;

@@ -1,7 +1,6 @@
 //! Published beside ours: the tables, the same on the terminal and on the page.
 
-use comfy_table::{CellAlignment, TableComponent, presets};
-use report::{Cell, Column, number};
+use report::number;
 use robot::published::Published;
 use services::tracking::ErrorSummary;
 
@@ -9,77 +8,8 @@ use super::controllers::IDENTIFIED;
 use super::experiments::{ELBOW, JOINT_THREE, LEMNISCATE, SHOULDER};
 use super::region::{LowStiffness, Side};
 use super::results::{Arm, JointRun, Reached, Reproduction, Run, Target};
+use super::sheet::{PAPER, Sheet, mean_and_range};
 use super::targets::best_extension;
-
-/// Heading of a row or column with the paper's numbers.
-const PAPER: &str = "paper";
-
-/// A table as text.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Sheet {
-    title: String,
-    columns: Vec<String>,
-    /// So many columns are words, to the left; numbers follow, to the right.
-    words: usize,
-    rows: Vec<Vec<String>>,
-    notes: Vec<String>,
-}
-
-impl Sheet {
-    fn new<T: Into<String>>(
-        title: impl Into<String>,
-        columns: impl IntoIterator<Item = T>,
-    ) -> Self {
-        Self {
-            title: title.into(),
-            columns: columns.into_iter().map(Into::into).collect(),
-            words: 1,
-            rows: Vec::new(),
-            notes: Vec::new(),
-        }
-    }
-
-    /// For the terminal.
-    pub fn text(&self) -> String {
-        let mut table = comfy_table::Table::new();
-        table
-            .load_preset(presets::UTF8_HORIZONTAL_ONLY)
-            .remove_style(TableComponent::HorizontalLines)
-            .remove_style(TableComponent::MiddleIntersections)
-            .set_header(&self.columns)
-            .add_rows(&self.rows);
-        for column in table.column_iter_mut().skip(self.words) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-        let notes: String = self
-            .notes
-            .iter()
-            .map(|note| format!("  {note}\n"))
-            .collect();
-        format!("{}\n{table}\n{notes}", self.title)
-    }
-
-    /// For the page.
-    pub fn html(&self) -> report::Table {
-        let words = self.columns.iter().take(self.words).map(Column::text);
-        let numbers = self.columns.iter().skip(self.words).map(Column::number);
-        let mut table = report::Table::new(&self.title, words.chain(numbers));
-        for row in &self.rows {
-            let is_paper = row.first().is_some_and(|name| name == PAPER);
-            table.row(row.iter().zip(&self.columns).map(|(text, column)| {
-                if is_paper || column == PAPER {
-                    Cell::published(text)
-                } else {
-                    Cell::from(text.as_str())
-                }
-            }));
-        }
-        for note in &self.notes {
-            table.note(note);
-        }
-        table
-    }
-}
 
 /// A quantity, what the paper says about it, and where it is in a run.
 struct Quantity {
@@ -170,13 +100,7 @@ fn cell(runs: &[&Run], quantity: &Quantity) -> String {
         .iter()
         .filter_map(|run| Some(quantity.scale * (quantity.of)(run)?))
         .collect();
-    let mean = number(values.iter().sum::<f64>() / values.len() as f64, 3);
-    if values.len() < 2 {
-        return mean;
-    }
-    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    format!("{mean} ({} to {})", number(low, 3), number(high, 3))
+    mean_and_range(&values, 3)
 }
 
 /// Every table of a reproduction, the judgement first.

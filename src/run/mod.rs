@@ -15,6 +15,7 @@ use realtime::process::user_id;
 use robot::Robot;
 use rt_loop::report::{LOOP_REPORT_FILE, LoopReport};
 use services::controller::Controller;
+use services::estimators::{Estimators, EstimatorsError};
 use services::tracking::{TRACKING_REPORT_FILE, TrackingReport};
 use shm_types::control_options::ControlOptions;
 use shm_types::instance::{ControlMode, Instance, Mode, RunConfig};
@@ -199,8 +200,7 @@ impl Plan {
         if let Some(plant) = &plant {
             check_plant(plant, &robot)?;
         }
-        services::estimators::kinds(&arguments.estimators)
-            .map_err(|error| CliError::Input(format!("--estimators: {error}")))?;
+        check_estimators(&robot, &arguments.estimators)?;
         let record = recording_path(arguments, &robot.name, &trajectory)?;
         let config = RunConfig {
             session: new_session(),
@@ -236,6 +236,15 @@ fn control_options(arguments: &RunArguments) -> ControlOptions {
         friction_velocity: arguments.friction_velocity.into(),
         stiffness_torque: arguments.stiffness_torque.into(),
         correction_gain: arguments.correction,
+    }
+}
+
+/// What the estimator's process would stop over.
+fn check_estimators(robot: &Robot, names: &[String]) -> Result<(), CliError> {
+    match Estimators::new(robot, names, PERIOD_NS as f64 * 1e-9) {
+        Ok(_) => Ok(()),
+        Err(error @ EstimatorsError::Estimator(_)) => Err(CliError::input(error)),
+        Err(asked) => Err(CliError::Input(format!("--estimators: {asked}"))),
     }
 }
 

@@ -1,5 +1,6 @@
 //! What a run came to: tables for people, JSON for programs.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -180,6 +181,7 @@ fn show_tracking(f: &mut fmt::Formatter<'_>, tracking: &TrackingReport) -> fmt::
     }
     writeln!(f, "{joints}")?;
     show_estimates(f, tracking)?;
+    show_missing(f, tracking)?;
     show_contacts(f, tracking)?;
     let lost = if tracking.lost_rows > 0 {
         format!(", {} lost", tracking.lost_rows)
@@ -224,6 +226,26 @@ fn show_estimates(f: &mut fmt::Formatter<'_>, tracking: &TrackingReport) -> fmt:
         estimates.add_row(row);
     }
     writeln!(f, "{estimates}")
+}
+
+/// Each estimator that never gave a torque, with the joints and the signal it lacks there.
+fn show_missing(f: &mut fmt::Formatter<'_>, tracking: &TrackingReport) -> fmt::Result {
+    let mut joints_without: BTreeMap<(Kind, &str), Vec<&str>> = BTreeMap::new();
+    for joint in &tracking.joints {
+        for (kind, signal) in &joint.missing_signals {
+            let joints = joints_without.entry((*kind, signal)).or_default();
+            joints.push(&joint.joint);
+        }
+    }
+    for ((kind, signal), joints) in joints_without {
+        writeln!(
+            f,
+            "{}: no estimate at {}, needs {signal}, which was never measured",
+            kind.name(),
+            joints.join(", ")
+        )?;
+    }
+    Ok(())
 }
 
 fn torque_source(tracking: &TrackingReport) -> &'static str {

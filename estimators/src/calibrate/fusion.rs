@@ -29,6 +29,8 @@ const MOVING_RAD_S: f64 = 0.03;
 
 /// Of the gear's stiffness, a play element's in the beginning: away from its bound, where the search would stick.
 const START_PLAY_SHARE: f64 = 0.05;
+/// A stiffness that seems to change by more than this while nothing has changed is not followed: a tenth is to be found.
+const STIFFNESS_ERROR_MAX: f64 = 0.05;
 /// See [`Bench::reluctance_nm`].
 const RELUCTANCE_NM: f64 = 0.02;
 
@@ -64,7 +66,9 @@ impl Bench<'_> {
             free_std_nm: link.left_nm,
             moving_std_nm: 0.0,
             resting_std_nm: 0.0,
+            follows_stiffness: true,
         };
+        self.filter(&frame)?; // what the robot file lacks is told before the long fit
         let start = self.start(&frame);
         let (first, _) = self.law(&frame, &start, &self.raw_motion());
         let filtered = self.filtered_motion(&first)?;
@@ -72,6 +76,7 @@ impl Bench<'_> {
         let (mut law, solution) = self.law(&frame, &start, &filtered);
         // to the filter, what the law misses is a torque on the link
         law.free_std_nm = link.left_nm.hypot(solution.rms);
+        law.follows_stiffness = self.can_follow_stiffness(&law, found)?;
         (law.moving_std_nm, law.resting_std_nm) = self.model_stds_nm(&law, found)?;
         found.parameters.fusion = Some(law);
         found.keep(Kind::Fusion, solution, 1);
@@ -236,6 +241,32 @@ impl Bench<'_> {
             known.then(|| filter.motion())
         });
         Ok(each.collect())
+    }
+
+    /// Does a filter that follows stiffness leave it alone on the calibration's own recording?
+    fn can_follow_stiffness(
+        &self,
+        law: &FusionParameters,
+        found: &mut Calibration,
+    ) -> Result<bool, EstimatorError> {
+        let mut filter = self.filter(law)?;
+        let mut worst = 0.0_f64;
+        for sample in &self.log.samples {
+            if filter.estimate(sample).is_ok() {
+                worst = worst.max((filter.stiffness_factor() - 1.0).abs());
+            }
+        }
+        let can = worst <= STIFFNESS_ERROR_MAX;
+        if !can {
+            found.findings.push(format!(
+                "joint `{}`, fusion: a change of stiffness is not followed: friction that depends on load would be taken for \
+                 one of {:.0} % (at most {:.0} % can be allowed)",
+                self.joint.name,
+                100.0 * worst,
+                100.0 * STIFFNESS_ERROR_MAX
+            ));
+        }
+        Ok(can)
     }
 
     /// What to add to the filter's variance, moving and standing, so that 95 % of the errors lie within 1.96 standard deviations.

@@ -68,10 +68,10 @@ pub enum CalibrationError {
     /// A joint or the reference is not in the recording.
     #[error("{0}{1}")]
     Missing(MissingSignal, &'static str),
-    /// Neither estimator has its signals.
+    /// No estimator has its signals.
     #[error(
-        "joint `{joint}`: no estimator can be calibrated; all need motor_torque_nm with motor_position_rad, or \
-         motor_position_rad with link_position_rad"
+        "joint `{joint}`: no estimator can be calibrated; beside motor_position_rad all need link_position_rad or \
+         motor_torque_nm"
     )]
     NoEstimator {
         /// The joint.
@@ -100,9 +100,9 @@ pub enum CalibrationError {
         /// Its range.
         range_nm: f64,
     },
-    /// An estimator cannot be made.
+    /// None of those it has the signals for can be made.
     #[error(transparent)]
-    Estimator(#[from] EstimatorError),
+    Estimator(EstimatorError),
 }
 
 /// The fewest rows with a reference: one second at 1.5 kHz.
@@ -151,12 +151,12 @@ pub fn calibrate(
             )
         })?;
     }
+    JointLog::need(recording, name, &[Signal::MotorPositionRad])
+        .map_err(|missing| CalibrationError::Missing(missing, "; every estimator needs it"))?;
     let inertia_kg_m2 = link_inertia_kg_m2(recording, robot, joint);
     let bench = Bench::new(joint, &log, reference, inertia_kg_m2)?;
     let has = |signal| recording.signal(name, signal).is_ok();
-    let motor = has(Signal::MotorPositionRad);
-    let [torsion, drive] =
-        [has(Signal::LinkPositionRad), has(Signal::MotorTorqueNm)].map(|there| there && motor);
+    let [torsion, drive] = [Signal::LinkPositionRad, Signal::MotorTorqueNm].map(has);
     if !torsion && !drive {
         return Err(CalibrationError::NoEstimator {
             joint: name.clone(),
@@ -174,38 +174,65 @@ pub fn calibrate(
         fits: Vec::new(),
         findings: Vec::new(),
     };
+    let mut refusals = Vec::new();
     if torsion {
         bench.structural_damping(&mut found);
-        bench.taghirad(&mut found)?;
-    } else {
-        found.leave_out(
-            "structural damping, Taghirad, compliance, Gaussian process and fusion",
-            Signal::LinkPositionRad,
+        refusals.extend(
+            bench
+                .taghirad(&mut found)
+                .err()
+                .map(|why| (Kind::Taghirad, why)),
         );
+    } else {
+        found.leave_out(Signal::LinkPositionRad);
     }
     if drive {
-        bench.disturbance_observer(&mut found)?;
+        let tried = bench.disturbance_observer(&mut found);
+        refusals.extend(tried.err().map(|why| (Kind::DisturbanceObserver, why)));
     } else {
-        found.leave_out(
-            "disturbance observer, compliance, Gaussian process and fusion",
-            Signal::MotorTorqueNm,
-        );
+        found.leave_out(Signal::MotorTorqueNm);
     }
     if torsion && drive {
         bench.compliance(&mut found);
         bench.gaussian_process(&mut found);
-        bench.fusion(&mut found)?;
+        refusals.extend(
+            bench
+                .fusion(&mut found)
+                .err()
+                .map(|why| (Kind::Fusion, why)),
+        );
     }
     found.note_bounds();
+    found.note_refusals(refusals)?;
     Ok(found)
 }
 
 impl Calibration {
-    fn leave_out(&mut self, what: &str, signal: Signal) {
+    /// Those that need this signal.
+    fn leave_out(&mut self, signal: Signal) {
+        let calibrated = Kind::ALL.into_iter().filter(|kind| *kind != Kind::Residual);
+        let without = calibrated.filter(|kind| kind.needs().contains(&signal));
+        let names: Vec<&str> = without.map(Kind::name).collect();
         self.findings.push(format!(
-            "joint `{}`: {what} not calibrated, the recording has no {signal}",
-            self.joint
+            "joint `{}`: not calibrated, because the recording has no {signal}: {}",
+            self.joint,
+            names.join(", ")
         ));
+    }
+
+    /// Those that cannot be made for this joint and rate; an error if that leaves none.
+    fn note_refusals(
+        &mut self,
+        refusals: Vec<(Kind, EstimatorError)>,
+    ) -> Result<(), CalibrationError> {
+        for (kind, why) in refusals {
+            if self.fits.is_empty() {
+                return Err(CalibrationError::Estimator(why));
+            }
+            self.findings
+                .push(format!("{why}: {} not calibrated", kind.name()));
+        }
+        Ok(())
     }
 
     fn note_bounds(&mut self) {

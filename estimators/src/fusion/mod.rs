@@ -15,7 +15,8 @@
 //! its encoder's step, and the less new the longer the reading has not changed, which in turn says that the rate is small. So
 //! torsion tells the torque at any time; the two inertias, with motor torque on one side, tell how torsion can have changed within
 //! a sample, so that the encoders' steps are averaged without delay; at rest gravity tells what a step has rounded away.
-//! `k`, the gear's stiffness over the calibration's, is followed slowly beside the filter: [`stiffness`]. Source of the
+//! `k`, the gear's stiffness over the calibration's, is followed slowly beside the filter where the calibration found that
+//! possible: [`stiffness`]. Source of the
 //! filter: Simon, Optimal State Estimation (2006), section 13.2; measurements one after the other, section 6.1. The torsion law:
 //! [`TorsionLaw`]. The standard deviation is that of the filter and of `k`, plus the torsion law's own error as the calibration saw
 //! it, moving and standing.
@@ -69,6 +70,10 @@ const RATE_WANDER_SLOW_RAD_S: f64 = 0.005;
 
 /// A reading gets no less new after so many samples, 1 s: it still says where the joint is.
 const STALE_SAMPLES: u32 = 1500;
+/// A reading that repeats although the joint must have passed so many steps was not taken anew: its sample was lost on the way.
+const FROZEN_STEPS: f64 = 5.0;
+/// For so many samples in a row; then the joint is taken to have stopped.
+const FROZEN_SAMPLES_MAX: u32 = 3;
 /// A reading that has not changed for so many samples, 10 ms, says that the rate is below a step in that time.
 const STANDING_SAMPLES: u32 = 15;
 
@@ -195,7 +200,7 @@ impl Fusion {
         Ok(Self {
             state: [0.0; STATES],
             covariance: Covariance::default(),
-            stiffness: Stiffness::new(&constants),
+            stiffness: Stiffness::new(&constants, parameters.follows_stiffness),
             constants,
             plays: Plays::default(),
             newest_cycle: None,
@@ -212,6 +217,11 @@ impl Fusion {
             link_rad: self.state[LINK],
             link_rad_s: self.state[LINK_RATE],
         }
+    }
+
+    /// Stiffness over the calibration's, as far as it is known.
+    pub(crate) fn stiffness_factor(&self) -> f64 {
+        self.stiffness.factor()
     }
 
     fn begin(&mut self, sample: &Sample) -> Result<(), Missing> {
@@ -297,6 +307,11 @@ impl Fusion {
                 continue;
             }
             let staleness = reading.staleness(measured_rad);
+            // variance of a value rounded to a step: a twelfth of its square
+            let passed_steps2 = (measured_rad - self.state[state]).powi(2) / (12.0 * step_var_rad2);
+            if reading.may_be_frozen() && passed_steps2 > FROZEN_STEPS.powi(2) {
+                continue;
+            }
             let variance_rad2 = step_var_rad2 * staleness;
             self.covariance
                 .correct(&mut self.state, state, measured_rad, variance_rad2);
@@ -447,6 +462,11 @@ impl Constants {
 }
 
 impl Reading {
+    /// It has just begun to repeat.
+    fn may_be_frozen(&self) -> bool {
+        (1..=FROZEN_SAMPLES_MAX).contains(&self.repeated)
+    }
+
     /// By how much less a reading tells the longer it stays: what an encoder rounds away is no noise that averaging removes.
     fn staleness(&mut self, value_rad: f64) -> f64 {
         self.repeated = if value_rad == self.value_rad {
@@ -478,7 +498,7 @@ fn slowness(velocity_rad_s: f64) -> f64 {
 }
 
 #[cfg(test)]
-mod testing {
+pub(crate) mod testing {
     use super::*;
     use robot::estimators::KinematicErrorTable;
 
@@ -498,6 +518,7 @@ mod testing {
             free_std_nm: 0.1,
             moving_std_nm: 0.0,
             resting_std_nm: 0.0,
+            follows_stiffness: true,
         }
     }
 }

@@ -8,7 +8,9 @@
 //! section 11.3).
 //!
 //! Limits: a torque constant that is off counts as stiffness; a joint that only moves one way, or only without load, learns
-//! nothing and keeps what it has. Friction's errors along the motor angle must average out: some seconds of motion.
+//! nothing and keeps what it has. Friction's errors along the motor angle must average out: some seconds of motion. Friction that
+//! depends on load otherwise than by its magnitude, as PA10-05's Table V has it, looks like stiffness; the calibration sees
+//! that on its own recording, where nothing has changed, and such a joint's stiffness is not followed.
 
 use super::Constants;
 
@@ -54,6 +56,7 @@ pub(super) struct Stiffness {
     viscous_nm_s_rad: f64,
     left_var_nm2: f64,
     span: Span,
+    is_followed: bool,
 }
 
 /// Sums over the samples of a span.
@@ -67,9 +70,15 @@ struct Span {
 }
 
 impl Stiffness {
-    pub fn new(constants: &Constants) -> Self {
+    /// One that stays the calibration's, for sure, if it is not to be followed.
+    pub fn new(constants: &Constants, is_followed: bool) -> Self {
         let friction = [constants.coulomb_nm, constants.viscous_nm_s_rad];
-        Self::of(constants.rotor_kg_m2, constants.period_s, friction)
+        let mut made = Self::of(constants.rotor_kg_m2, constants.period_s, friction);
+        made.is_followed = is_followed;
+        if !is_followed {
+            made.covariance[0][0] = 0.0;
+        }
+        made
     }
 
     fn of(rotor_kg_m2: f64, period_s: f64, [coulomb_nm, viscous_nm_s_rad]: [f64; 2]) -> Self {
@@ -87,6 +96,7 @@ impl Stiffness {
             viscous_nm_s_rad,
             left_var_nm2: LEFT_BEGIN_NM.powi(2),
             span: Span::default(),
+            is_followed: true,
         }
     }
 
@@ -107,6 +117,9 @@ impl Stiffness {
 
     /// Takes a sample; at the end of a span learns from it.
     pub fn take(&mut self, moment: Moment) {
+        if !self.is_followed {
+            return;
+        }
         let span = &mut self.span;
         if span.samples == 0 {
             span.begin_rad_s = moment.motor_rad_s;

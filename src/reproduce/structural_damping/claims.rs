@@ -1,23 +1,26 @@
 //! The paper's numbers and claims, and what was wanted beyond them, each with the numbers that decide it.
 
-use std::fmt::Write;
-
 use estimators::Kind;
 use estimators::compare::Errors;
-use report::{Column, Section, Table};
+use report::number;
 use serde::Serialize;
 
-use crate::estimate::compare::JointCompared;
+use crate::estimate::compare::Measured;
+use crate::reproduce::sheet::{Sheet, mean_and_range};
 
-/// A statement and whether the second data set bears it out.
+/// A statement, and whether the second data set of one joint bears it out.
 #[derive(Clone, Debug, Serialize)]
 pub struct Statement {
-    /// Whose: the paper's claim, or a target of ours.
+    /// Whose: the paper's claim or number, or a target of ours.
     pub source: &'static str,
     /// What is said.
     pub said: String,
-    /// The numbers here.
-    pub found: String,
+    /// Of the numbers.
+    pub unit: &'static str,
+    /// Here.
+    pub value: f64,
+    /// Between which the value must lie.
+    pub limits: [f64; 2],
     /// Whether it holds here.
     pub holds: bool,
 }
@@ -31,14 +34,9 @@ const CLAIM: &str = "SD's claim";
 const NUMBER: &str = "SD's number";
 const TARGET: &str = "target";
 
-/// What the scores say.
-pub fn judge(compared: &JointCompared) -> Vec<Statement> {
-    let score = |kind: Kind| {
-        compared
-            .estimators
-            .iter()
-            .find(|found| found.score.kind == kind)
-    };
+/// What the scores say; and how small structural damping's maximum can be with any parameters.
+pub fn judge(estimators: &[Measured], least_maximum_nm: Option<f64>) -> Vec<Statement> {
+    let score = |kind: Kind| estimators.iter().find(|found| found.score.kind == kind);
     let dynamic = |kind| score(kind).and_then(|found| found.score.dynamic);
     let standing = |kind| score(kind).and_then(|found| found.score.static_load);
     let rms = |errors: Option<Errors>| errors.map_or(f64::NAN, |errors| errors.rms_nm);
@@ -77,6 +75,14 @@ pub fn judge(compared: &JointCompared) -> Vec<Statement> {
             max_nm,
         ));
     }
+    statements.extend(least_maximum_nm.map(|least_nm| {
+        less(
+            NUMBER,
+            "structural damping: maximum error in motion, parameters chosen on the judged data itself",
+            least_nm,
+            PUBLISHED_STRUCTURAL_DAMPING_NM[0],
+        )
+    }));
     let best = |phase: &dyn Fn(Kind) -> Option<Errors>| {
         let all = Kind::PUBLISHED.into_iter().map(|kind| rms(phase(kind)));
         all.fold(f64::INFINITY, f64::min)
@@ -99,70 +105,73 @@ pub fn judge(compared: &JointCompared) -> Vec<Statement> {
             best(&standing),
         ),
         less(TARGET, "fusion: maximum error", max_nm, 1.0),
-        Statement {
-            source: TARGET,
-            said: "fusion: 92 to 98 % of the errors within 1.96 standard deviations".to_owned(),
-            found: coverage.map_or("no estimate".to_owned(), |share| {
-                format!("{:.1} %", 100.0 * share)
-            }),
-            holds: coverage.is_some_and(|share| (0.92..=0.98).contains(&share)),
-        },
+        Statement::new(
+            TARGET,
+            "fusion: errors within 1.96 standard deviations",
+            "%",
+            coverage.map_or(f64::NAN, |share| 100.0 * share),
+            [92.0, 98.0],
+        ),
     ]);
     statements
 }
 
 fn less(source: &'static str, said: &str, value_nm: f64, limit_nm: f64) -> Statement {
-    Statement {
-        source,
-        said: said.to_owned(),
-        found: format!("{value_nm:.3} Nm against {limit_nm:.3} Nm"),
-        holds: value_nm <= limit_nm,
+    Statement::new(source, said, "Nm", value_nm, [0.0, limit_nm])
+}
+
+impl Statement {
+    fn new(
+        source: &'static str,
+        said: &str,
+        unit: &'static str,
+        value: f64,
+        limits: [f64; 2],
+    ) -> Self {
+        let [low, high] = limits;
+        Self {
+            source,
+            said: said.to_owned(),
+            unit,
+            value,
+            limits,
+            holds: (low..=high).contains(&value),
+        }
     }
 }
 
-fn verdict(statement: &Statement) -> &'static str {
-    if statement.holds {
-        "holds"
-    } else {
-        "does not hold"
-    }
-}
-
-/// Line by line.
-pub fn text(statements: &[Statement]) -> String {
-    let mut text = String::new();
-    for statement in statements {
-        let _ = writeln!(
-            text,
-            "{}: {}: {}, {}",
-            statement.source,
-            statement.said,
-            statement.found,
-            verdict(statement)
-        );
-    }
-    text
-}
-
-/// The same for the page.
-pub fn section(statements: &[Statement]) -> Section {
-    let columns = ["source", "statement", "here", "verdict"].map(Column::text);
-    let mut table = Table::new(
+/// What all joints say: statements down, their mean and range across.
+pub fn sheet(joints: &[&[Statement]]) -> Sheet {
+    let columns = ["", "statement", "here", "wanted", "holds on"];
+    let mut sheet = Sheet::new(
         "Claims, numbers and targets on the second data set",
         columns,
     );
-    for statement in statements {
-        table.row([
-            statement.source.into(),
-            statement.said.as_str().into(),
-            statement.found.as_str().into(),
-            verdict(statement).into(),
+    sheet.words = 2;
+    let first = joints.first().copied().unwrap_or_default();
+    for (place, statement) in first.iter().enumerate() {
+        let of = |value: &dyn Fn(&Statement) -> f64| -> Vec<f64> {
+            joints.iter().map(|all| value(&all[place])).collect()
+        };
+        let highest = mean_and_range(&of(&|statement| statement.limits[1]), 3);
+        let wanted = match statement.limits[0] {
+            0.0 => format!("at most {highest}"),
+            low => format!("{} to {highest}", number(low, 3)),
+        };
+        let holding = joints.iter().filter(|all| all[place].holds).count();
+        let here = mean_and_range(&of(&|statement| statement.value), 3);
+        sheet.rows.push(vec![
+            statement.source.to_owned(),
+            statement.said.clone(),
+            format!("{here} {}", statement.unit),
+            wanted,
+            format!("{holding} of {}", joints.len()),
         ]);
     }
-    Section::new("claims", "What holds here")
-        .paragraph(
-            "SD also claims fewer parameters, three against six and a kinematic error, and no need of motor torque: both lie in \
-             the method and need no data.",
-        )
-        .table(table)
+    sheet.notes.push(
+        "SD also claims fewer parameters, three against six and a kinematic error, and no need of motor torque: both lie in \
+         the method and need no data."
+            .to_owned(),
+    );
+    sheet
 }

@@ -3,19 +3,18 @@
 //! The emulated joint moves as for calibration and judgement while something outside pushes its link every two seconds for
 //! 0.2 s, either way; then it moves for an hour alone. What is counted is the estimator's message in every cycle, in virtual time.
 
-use std::fmt::Write;
-use std::path::Path;
-
+use blind::score::Rate;
 use estimators::Kind;
 use plant_emulator::process::emulated_plant;
-use report::{Column, Section, Table};
+use report::decimal;
 use robot::{Push, Robot};
 use serde::Serialize;
 use shm_types::instance::RunConfig;
 
 use super::motions::Motion;
-use super::{run_config, trajectory};
+use super::stage::Stage;
 use crate::error::CliError;
+use crate::reproduce::sheet::Sheet;
 
 /// Sizes of the pushes; the gear is rated for 16 Nm.
 const SIZES_NM: [f64; 6] = [0.5, 1.0, 1.5, 2.0, 4.0, 8.0];
@@ -25,20 +24,19 @@ const FIRST_S: f64 = 1.0;
 const PUSH_S: f64 = 0.2;
 
 /// Pushes of one size.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Detections {
     /// Joint side, either way.
     pub torque_nm: f64,
-    /// How many there were.
-    pub pushes: usize,
-    /// Of these, how many were found while they lasted.
-    pub found: usize,
+    /// How many there were, and how many of them were found while they lasted.
+    pub found: Rate,
     /// From the push's beginning to the message that says so; the median.
     pub delay_ms: Option<f64>,
     /// The longest.
     pub delay_max_ms: Option<f64>,
+    /// Push by push; none where it was not found.
     #[serde(skip)]
-    delays_ms: Vec<f64>,
+    delays_ms: Vec<Option<f64>>,
 }
 
 /// Alarms without a push.
@@ -65,18 +63,6 @@ pub struct Collisions {
     pub false_alarms: FalseAlarms,
 }
 
-/// What is run, and on what.
-pub struct Stage<'a> {
-    /// The arm itself.
-    pub plant: &'a Robot,
-    /// With calibrated estimators.
-    pub model: &'a Robot,
-    /// Folder for waypoints.
-    pub out: &'a Path,
-    /// Of the arm.
-    pub seed: u64,
-}
-
 /// One cycle's external torque.
 struct Heard {
     time_s: f64,
@@ -86,27 +72,38 @@ struct Heard {
     is_contact: bool,
 }
 
-impl Stage<'_> {
+/// A joint that is pushed, and what is known of it.
+pub struct Pushed<'a> {
+    /// The joint.
+    pub stage: &'a Stage<'a>,
+    /// With calibrated estimators.
+    pub model: &'a Robot,
+}
+
+impl Pushed<'_> {
     /// Pushes during these motions, none during the last.
     ///
     /// # Errors
     /// [`CliError`] if the loop stopped or a file cannot be written.
     pub fn collide(&self, pushed: &[&Motion], alone: &Motion) -> Result<Collisions, CliError> {
-        let mut detections = SIZES_NM.map(|torque_nm| Detections {
-            torque_nm,
-            ..Detections::default()
-        });
+        let mut delays_ms = SIZES_NM.map(|_| Vec::new());
         for motion in pushed {
-            self.push(motion, &mut detections)?;
+            self.push(motion, &mut delays_ms)?;
         }
-        detections.iter_mut().for_each(Detections::sum_up);
+        let classes = SIZES_NM.into_iter().zip(delays_ms);
         Ok(Collisions {
-            detections: detections.to_vec(),
+            detections: classes
+                .map(|(torque_nm, delays_ms)| Detections::of(torque_nm, delays_ms))
+                .collect(),
             false_alarms: self.leave_alone(alone)?,
         })
     }
 
-    fn push(&self, motion: &Motion, detections: &mut [Detections]) -> Result<(), CliError> {
+    fn push(
+        &self,
+        motion: &Motion,
+        delays_ms: &mut [Vec<Option<f64>>; SIZES_NM.len()],
+    ) -> Result<(), CliError> {
         let pushes = pushes(motion.duration_s);
         let mut found_s: Vec<Option<f64>> = vec![None; pushes.len()];
         self.listen(motion, &pushes, |heard| {
@@ -119,15 +116,8 @@ impl Stage<'_> {
                 found_s[place] = Some(since_s);
             }
         })?;
-        for (push, found_s) in pushes.iter().zip(found_s) {
-            let size = push.torque_nm.abs();
-            for class in detections
-                .iter_mut()
-                .filter(|class| class.torque_nm == size)
-            {
-                class.pushes += 1;
-                class.delays_ms.extend(found_s.map(|found_s| 1e3 * found_s));
-            }
+        for (place, found_s) in found_s.into_iter().enumerate() {
+            delays_ms[place % SIZES_NM.len()].push(found_s.map(|found_s| 1e3 * found_s));
         }
         Ok(())
     }
@@ -145,8 +135,7 @@ impl Stage<'_> {
         })?;
         alarms.hours = motion.duration_s / 3600.0;
         alarms.threshold_nm /= cycles.max(1) as f64;
-        alarms.per_hour_95 = poisson_95(alarms.alarms).map(|count| count / alarms.hours);
-        Ok(alarms)
+        Ok(alarms.with_interval())
     }
 
     /// Runs a motion in virtual time and tells of every cycle with an external torque.
@@ -156,12 +145,12 @@ impl Stage<'_> {
         pushes: &[Push],
         mut each: impl FnMut(Heard),
     ) -> Result<(), CliError> {
-        let course = trajectory(motion, self.plant, self.out)?;
+        let course = self.stage.trajectory(motion)?;
         let run = RunConfig {
             estimators: vec![Kind::Fusion.identifier().to_owned()],
-            ..run_config(motion, self.seed)
+            ..self.stage.run_config(motion)
         };
-        let plant = emulated_plant(self.plant, &run, &[])
+        let plant = emulated_plant(self.stage.robot, &run, &[])
             .map_err(CliError::input)?
             .with_pushes(pushes.to_vec());
         let simulated = twin::simulate_plant(&run, self.model, plant, course, |messages| {
@@ -201,20 +190,27 @@ fn pushes(duration_s: f64) -> Vec<Push> {
 }
 
 impl Detections {
-    fn sum_up(&mut self) {
-        self.delays_ms.sort_unstable_by(f64::total_cmp);
-        self.found = self.delays_ms.len();
-        self.delay_ms = self.delays_ms.get(self.found / 2).copied();
-        self.delay_max_ms = self.delays_ms.last().copied();
+    fn of(torque_nm: f64, delays_ms: Vec<Option<f64>>) -> Self {
+        let mut known_ms: Vec<f64> = delays_ms.iter().copied().flatten().collect();
+        known_ms.sort_unstable_by(f64::total_cmp);
+        Self {
+            torque_nm,
+            found: Rate::of(delays_ms.iter().map(Option::is_some)),
+            delay_ms: known_ms.get(known_ms.len() / 2).copied(),
+            delay_max_ms: known_ms.last().copied(),
+            delays_ms,
+        }
     }
 
-    fn row(&self) -> [String; 4] {
-        let shown = |delay_ms: Option<f64>| {
-            delay_ms.map_or(String::new(), |delay_ms| format!("{delay_ms:.1}"))
-        };
-        [
+    fn row(&self) -> Vec<String> {
+        let shown =
+            |delay_ms: Option<f64>| delay_ms.map_or(String::new(), |delay_ms| decimal(delay_ms, 1));
+        let Rate { hits, of, .. } = self.found;
+        let interval = [self.found.low, self.found.high].map(|share| decimal(100.0 * share, 0));
+        vec![
             format!("{}", self.torque_nm),
-            format!("{} of {}", self.found, self.pushes),
+            format!("{hits} of {of}"),
+            interval.join(" to "),
             shown(self.delay_ms),
             shown(self.delay_max_ms),
         ]
@@ -222,6 +218,13 @@ impl Detections {
 }
 
 impl FalseAlarms {
+    fn with_interval(self) -> Self {
+        Self {
+            per_hour_95: poisson_95(self.alarms).map(|count| count / self.hours),
+            ..self
+        }
+    }
+
     fn words(&self) -> String {
         let [low, high] = self.per_hour_95;
         format!(
@@ -232,30 +235,50 @@ impl FalseAlarms {
     }
 }
 
-/// Line by line.
-pub fn text(collisions: &Collisions) -> String {
-    let mut text = String::new();
-    for class in &collisions.detections {
-        let [size, found, delay, longest] = class.row();
-        let _ = write!(text, "push of {size} Nm: found {found}");
-        let _ = match class.found {
-            0 => writeln!(text),
-            _ => writeln!(text, ", after {delay} ms (median), {longest} ms at most"),
+impl Collisions {
+    /// Those of several joints as one.
+    pub fn together(all: &[&Self]) -> Self {
+        let class = |(place, torque_nm): (usize, f64)| {
+            let each = all.iter().filter_map(|found| found.detections.get(place));
+            let delays_ms = each.flat_map(|class| class.delays_ms.iter().copied());
+            Detections::of(torque_nm, delays_ms.collect())
         };
+        let alarms = all.iter().map(|found| &found.false_alarms);
+        let hours: f64 = alarms.clone().map(|alarms| alarms.hours).sum();
+        let false_alarms = FalseAlarms {
+            hours,
+            alarms: alarms.clone().map(|alarms| alarms.alarms).sum(),
+            largest_sigmas: alarms
+                .clone()
+                .map(|alarms| alarms.largest_sigmas)
+                .fold(0.0, f64::max),
+            threshold_nm: alarms
+                .map(|alarms| alarms.threshold_nm * alarms.hours / hours)
+                .sum(),
+            ..FalseAlarms::default()
+        };
+        Self {
+            detections: SIZES_NM.into_iter().enumerate().map(class).collect(),
+            false_alarms: false_alarms.with_interval(),
+        }
     }
-    let _ = writeln!(text, "{}", collisions.false_alarms.words());
-    text
-}
 
-/// The same for the page.
-pub fn section(collisions: &Collisions) -> Section {
-    let columns = ["push, Nm", "found", "median, ms", "longest, ms"].map(Column::text);
-    let mut table = Table::new("Pushes of 0.2 s, both ways, moving and standing", columns);
-    for class in &collisions.detections {
-        table.row(class.row().map(Into::into));
+    /// Sizes down; false alarms below.
+    pub fn sheet(&self) -> Sheet {
+        let columns = [
+            "push, Nm",
+            "found",
+            "95 % interval, %",
+            "after, median, ms",
+            "longest, ms",
+        ];
+        let mut sheet = Sheet::new("Pushes of 0.2 s, both ways, moving and standing", columns);
+        sheet
+            .rows
+            .extend(self.detections.iter().map(Detections::row));
+        sheet.notes.push(self.false_alarms.words());
+        sheet
     }
-    table.note(collisions.false_alarms.words());
-    Section::new("contacts", "Contacts").table(table)
 }
 
 /// The means of a Poisson distribution between which a count is no surprise: each end leaves 2.5 %.

@@ -1,51 +1,72 @@
 //! `flexspline reproduce structural-damping`: the torque paper's experiment on the emulated SHD-17 joint.
 //!
 //! As in SD, section IV: one data set to find the parameters (Figs. 7 and 8), another to judge (Figs. 9 and 10), of the same
-//! joint. Both are recorded in virtual time; calibration and comparison see the recordings and the robot file only. Then the
-//! same joint is pushed, and left alone, with what was calibrated: [`collisions`].
+//! joint. Both are recorded in virtual time; calibration and comparison see the recordings and the robot file only. The
+//! judged motion comes again on joints that have changed since: [`changes`]. Then the joint is pushed, and left alone, with
+//! what was calibrated: [`collisions`]. Each seed is another joint.
 
+mod changes;
 mod claims;
 mod collisions;
+mod least_maximum;
 mod motions;
+mod scores;
+mod stage;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use estimators::calibrate::{Reference, calibrate};
-use motion::Trajectory;
+use estimators::compare::Judge;
 use recording::Recording;
-use robot::{Robot, RobotFile};
+use report::Section;
+use robot::{EstimatorParameters, Robot};
 use serde::Serialize;
-use shm_types::control_options::ControlOptions;
-use shm_types::instance::{ControlMode, Mode, RunConfig, Wait};
-use twin::Robots;
 
+use super::sheet::Sheet;
 use crate::cli::{Paper, ReproduceArguments};
 use crate::error::CliError;
-use crate::estimate::compare::{Compared, one};
+use crate::estimate::compare::{Compared, JointCompared, one};
 use crate::estimate::{page, table};
 use crate::output::{cannot_write, print, write_json, write_text};
-use crate::run::PERIOD_NS;
+use changes::Changed;
 use claims::Statement;
-use collisions::{Collisions, Stage};
+use collisions::{Collisions, Pushed};
+use least_maximum::least_maximum_nm;
 use motions::Motion;
+use stage::Stage;
 
 /// With the figures, in the folder.
 const PAGE_FILE: &str = "report.html";
 /// The joint of the paper.
 const ROBOT: &str = "shd17";
+/// The judged motion without any change.
+const UNCHANGED: &str = "as calibrated";
+/// The same by estimators that never saw a torque sensor.
+const SENSORLESS: &str = "calibrated on gravity";
 
 /// Everything found, for programs.
 #[derive(Serialize)]
 struct Reproduction {
     schema: u32,
     paper: &'static str,
+    joints: Vec<Joint>,
+    /// One for each joint.
+    comparison: Compared,
+    /// Of all joints together.
+    collisions: Collisions,
+}
+
+/// One seed's joint.
+#[derive(Serialize)]
+struct Joint {
     seed: u64,
     robot_file: PathBuf,
     #[serde(skip)]
     fits: String,
-    comparison: Compared,
     statements: Vec<Statement>,
+    /// The first is the joint as it was calibrated, the second by gravity alone.
+    changed: Vec<Changed>,
     collisions: Collisions,
 }
 
@@ -69,123 +90,159 @@ const MOTIONS: Motions = Motions {
 /// [`CliError::Input`] for a folder that cannot be written, [`CliError::Negative`] if the loop stopped.
 pub fn reproduce(arguments: &ReproduceArguments) -> Result<(), CliError> {
     let paper = arguments.paper.name();
+    if arguments.identified.is_some() {
+        return Err(CliError::Input(format!(
+            "--identified: {paper} needs no identified robot file, it calibrates the joint of its own; leave it out"
+        )));
+    }
     let out = match &arguments.out {
         Some(out) => out.clone(),
         None => Path::new("reproduce").join(paper),
     };
-    let found = experiment(&MOTIONS, &out, arguments.seed)?;
+    let seeds = arguments.seed..arguments.seed.saturating_add(arguments.arms);
+    let found = experiments(&MOTIONS, &out, seeds)?;
     if let Some(path) = &arguments.json {
         write_json(&found, path)?;
     }
     if arguments.json.as_deref() == Some(Path::new("-")) {
         return Ok(());
     }
-    let [judged] = &found.comparison.joints[..] else {
-        return Ok(());
-    };
-    let scores = table::scores(judged) + &claims::text(&found.statements);
-    print(&(found.fits + &scores + &collisions::text(&found.collisions)))?;
+    for joint in &found.joints {
+        print(&format!("seed {}, {}", joint.seed, joint.fits))?;
+    }
+    for (_, _, sheets) in found.sections() {
+        for sheet in sheets {
+            print(&format!("{}\n", sheet.text()))?;
+        }
+    }
     print(&format!("report: {}\n", out.join(PAGE_FILE).display()))
 }
 
-/// Everything, into a folder.
-fn experiment(motions: &Motions, out: &Path, seed: u64) -> Result<Reproduction, CliError> {
-    fs::create_dir_all(out).map_err(|error| cannot_write(out, &error))?;
-    let (mut file, source) = robot::load_file(ROBOT).map_err(CliError::input)?;
-    let robot = robot::load(ROBOT).map_err(CliError::input)?;
-    let (_, first) = recorded(&motions.calibration, &robot, out, seed)?;
-    let (path, second) = recorded(&motions.judgement, &robot, out, seed)?;
-    let joint = &robot.joints[0];
-    let found =
-        calibrate(&first, &robot, joint, Reference::JointTorque).map_err(CliError::input)?;
-    let fits = table::fits(&found);
-    file.joints[0].estimators = Some(found.parameters);
-    let robot_file = out.join("calibrated.toml");
-    write_text(&robot_file, &text(&file)?)?;
-    let calibrated = file.build(source).map_err(CliError::input)?;
-    let judged =
-        one(&path, &second, &calibrated, &calibrated.joints[0]).map_err(CliError::Input)?;
-    let stage = Stage {
-        plant: &robot,
-        model: &calibrated,
-        out,
-        seed,
-    };
-    let pushed = [&motions.calibration, &motions.judgement];
-    let collisions = stage.collide(&pushed, &motions.alone)?;
+/// Every joint, into a folder with one of its own for each.
+fn experiments(
+    motions: &Motions,
+    out: &Path,
+    seeds: impl Iterator<Item = u64>,
+) -> Result<Reproduction, CliError> {
+    let (mut joints, mut compared) = (Vec::new(), Vec::new());
+    for seed in seeds {
+        let (joint, judged) = experiment(motions, &out.join(format!("seed{seed}")), seed)?;
+        joints.push(joint);
+        compared.push(judged);
+    }
+    let collisions: Vec<&Collisions> = joints.iter().map(|joint| &joint.collisions).collect();
     let reproduction = Reproduction {
-        schema: 2,
+        schema: 3,
         paper: Paper::StructuralDamping.name(),
-        seed,
-        robot_file,
-        fits,
-        statements: claims::judge(&judged),
+        collisions: Collisions::together(&collisions),
+        joints,
         comparison: Compared {
             schema: 1,
             robot: ROBOT.to_owned(),
-            joints: vec![judged],
+            joints: compared,
         },
-        collisions,
     };
-    let html = page::page(&reproduction.comparison)
-        .section(claims::section(&reproduction.statements))
-        .section(collisions::section(&reproduction.collisions));
+    let mut html = page::page(&reproduction.comparison);
+    for (id, title, sheets) in reproduction.sections() {
+        let section = Section::new(id, title);
+        html = html.section(
+            sheets
+                .iter()
+                .fold(section, |section, sheet| section.table(sheet.html())),
+        );
+    }
     write_text(&out.join(PAGE_FILE), &html.to_html())?;
     write_json(&reproduction, &out.join("reproduce.json"))?;
     Ok(reproduction)
 }
 
-fn text(file: &RobotFile) -> Result<String, CliError> {
-    toml::to_string(file).map_err(CliError::input)
-}
-
-/// Runs a motion on the emulated joint and reads its recording.
-fn recorded(
-    motion: &Motion,
-    robot: &Robot,
+/// Everything about one joint.
+fn experiment(
+    motions: &Motions,
     out: &Path,
     seed: u64,
-) -> Result<(PathBuf, Recording), CliError> {
-    let trajectory = trajectory(motion, robot, out)?;
-    let path = out.join(format!("{}.mcap", motion.name));
-    let run = RunConfig {
-        record: Some(path.clone()),
-        ..run_config(motion, seed)
-    };
-    twin::record(&run, Robots::same(robot), trajectory, &[], |_| true)
-        .map_err(|error| CliError::Negative(format!("data set {}: {error}", motion.name)))?;
-    let recording = recording::read(&path).map_err(CliError::input)?;
-    Ok((path, recording))
-}
-
-/// A motion's waypoints, written into the folder and read from there.
-fn trajectory(motion: &Motion, robot: &Robot, out: &Path) -> Result<Trajectory, CliError> {
-    let waypoints = out.join(format!("{}.csv", motion.name));
-    write_text(&waypoints, &motion.waypoints(&robot.joints[0].name))?;
-    motion::load(&waypoints.display().to_string(), robot).map_err(CliError::input)
-}
-
-/// A run in virtual time that is not recorded.
-fn run_config(motion: &Motion, seed: u64) -> RunConfig {
-    RunConfig {
-        session: 1,
-        robot: ROBOT.to_owned(),
-        driver: "emulator".to_owned(),
-        trajectory: motion.name.to_owned(),
-        plant: None,
-        control: ControlMode::Torque,
-        options: ControlOptions::default(),
-        estimators: Vec::new(),
-        mode: Mode::Lockstep,
-        period_ns: PERIOD_NS,
-        cycles: (motion.duration_s * 1e9 / PERIOD_NS as f64) as u64,
-        wait: Wait::Block,
+) -> Result<(Joint, JointCompared), CliError> {
+    fs::create_dir_all(out).map_err(|error| cannot_write(out, &error))?;
+    let robot = robot::load(ROBOT).map_err(CliError::input)?;
+    let stage = Stage {
+        robot: &robot,
+        out,
         seed,
-        inject: None,
-        record: None,
-        command_deadline_ns: PERIOD_NS,
-        cores: Vec::new(),
-        initial_position_rad: vec![0.0],
+    };
+    let (_, first) = stage.record(&motions.calibration, &[], motions.calibration.name)?;
+    let (path, second) = stage.record(&motions.judgement, &[], motions.judgement.name)?;
+    let joint = &robot.joints[0];
+    let by_sensor =
+        calibrate(&first, &robot, joint, Reference::JointTorque).map_err(CliError::input)?;
+    let fits = table::fits(&by_sensor);
+    let robot_file = out.join("calibrated.toml");
+    let calibrated = equipped(by_sensor.parameters, Some(&robot_file))?;
+    let judged =
+        one(&path, &second, &calibrated, &calibrated.joints[0]).map_err(CliError::Input)?;
+    let judge = Judge::new(&second, &robot, joint).map_err(CliError::input)?;
+    let mut changed = vec![
+        Changed {
+            change: UNCHANGED,
+            estimators: judged.estimators.clone(),
+        },
+        sensorless(&first, &second, &robot)?,
+    ];
+    changed.extend(changes::run(&stage, &calibrated, &motions.judgement)?);
+    let pushed = Pushed {
+        stage: &stage,
+        model: &calibrated,
+    };
+    let collisions = pushed.collide(&[&motions.calibration, &motions.judgement], &motions.alone)?;
+    let joint = Joint {
+        seed,
+        robot_file,
+        fits,
+        statements: claims::judge(&judged.estimators, least_maximum_nm(&judge, joint)),
+        changed,
+        collisions,
+    };
+    Ok((joint, judged))
+}
+
+/// Calibrated on known bodies in slow motion, judged with the torque sensor.
+fn sensorless(first: &Recording, second: &Recording, robot: &Robot) -> Result<Changed, CliError> {
+    let by_gravity =
+        calibrate(first, robot, &robot.joints[0], Reference::Gravity).map_err(CliError::input)?;
+    changes::scored(SENSORLESS, second, &equipped(by_gravity.parameters, None)?)
+}
+
+/// The joint's robot with calibrated estimators, written to a file where one is named.
+fn equipped(parameters: EstimatorParameters, path: Option<&Path>) -> Result<Robot, CliError> {
+    let (mut file, source) = robot::load_file(ROBOT).map_err(CliError::input)?;
+    file.joints[0].estimators = Some(parameters);
+    if let Some(path) = path {
+        write_text(path, &toml::to_string(&file).map_err(CliError::input)?)?;
+    }
+    file.build(source).map_err(CliError::input)
+}
+
+impl Reproduction {
+    /// Every table, with its section's place and title.
+    fn sections(&self) -> [(&'static str, &'static str, Vec<Sheet>); 4] {
+        let statements: Vec<&[Statement]> = self
+            .joints
+            .iter()
+            .map(|joint| &joint.statements[..])
+            .collect();
+        [
+            (
+                "scores",
+                "All joints",
+                scores::sheets(&self.comparison.joints),
+            ),
+            (
+                "claims",
+                "What holds here",
+                vec![claims::sheet(&statements)],
+            ),
+            ("changes", "Changed joints", changes::sheets(&self.joints)),
+            ("contacts", "Contacts", vec![self.collisions.sheet()]),
+        ]
     }
 }
 
@@ -203,11 +260,15 @@ mod tests {
             ..motion
         };
         let motions = Motions {
-            calibration: short(motions::CALIBRATION, 26.0),
+            // from half a minute on: some swings, then the slow sweep that gravity is known in
+            calibration: Motion {
+                position_rad: |time_s| (motions::CALIBRATION.position_rad)(time_s + 30.0),
+                ..short(motions::CALIBRATION, 34.0)
+            },
             judgement: short(motions::JUDGEMENT, 20.0),
             alone: short(motions::ROUTINE, 40.0),
         };
-        let found = experiment(&motions, out.path(), 4).expect("runs");
+        let found = experiments(&motions, out.path(), 4..5).expect("runs");
         let scores = &found.comparison.joints[0].estimators;
         let rms_nm = |kind| {
             let score = scores.iter().find(|found| found.score.kind == kind);
@@ -219,12 +280,22 @@ mod tests {
                 .rms_nm
         };
         assert!(rms_nm(Kind::Fusion) < rms_nm(Kind::Compliance));
-        assert_eq!(found.statements.len(), 10);
+        let joint = &found.joints[0];
+        assert_eq!(joint.statements.len(), 11);
+        // as calibrated, on gravity, and four changes
+        assert_eq!(joint.changed.len(), 6);
+        for changed in &joint.changed {
+            let known = changed
+                .estimators
+                .iter()
+                .filter(|found| found.score.all.is_some());
+            assert_eq!(known.count(), Kind::ALL.len(), "{}", changed.change);
+        }
         let hardest = found.collisions.detections.last().expect("sizes");
-        assert!(hardest.pushes > 1);
-        assert_eq!(hardest.found, hardest.pushes, "{hardest:?}");
+        assert!(hardest.found.of > 1);
+        assert_eq!(hardest.found.hits, hardest.found.of, "{hardest:?}");
         assert_eq!(found.collisions.false_alarms.alarms, 0);
-        for file in ["calibrated.toml", "report.html", "reproduce.json"] {
+        for file in ["seed4/calibrated.toml", "report.html", "reproduce.json"] {
             assert!(out.path().join(file).is_file(), "{file}");
         }
     }
