@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use realtime::process::{bind_to_parent, user_id};
 use shm_types::bus::{Bus, BusError, Reader};
-use shm_types::instance::{Instance, InstanceError, RunConfig};
+use shm_types::instance::{Instance, InstanceError, Mode, RunConfig};
 use shm_types::messages::{LastCycle, LoopStatus};
 use shm_types::roster::{self, Member};
 use shm_types::topics::{self, Role};
@@ -26,6 +26,8 @@ use operator::Operator;
 const START_PATIENCE: Duration = Duration::from_secs(10);
 /// A process silent for longer than this hangs, and is killed.
 const SILENCE_MAX: Duration = Duration::from_secs(2);
+/// The same in lockstep, where nobody is late: on a busy machine a process may get no core for seconds.
+const LOCKSTEP_SILENCE_MAX: Duration = Duration::from_secs(30);
 /// How long a process may take to end when asked to.
 const STOP_PATIENCE: Duration = Duration::from_secs(3);
 /// Between two looks at the processes.
@@ -94,6 +96,7 @@ pub struct Supervisor {
     last_cycles: LastCycles,
     restarts: Vec<Restart>,
     begun: Instant,
+    silence_max: Duration,
     _lock: File,
 }
 
@@ -123,6 +126,10 @@ impl Supervisor {
             status,
             restarts: Vec::new(),
             begun: Instant::now(),
+            silence_max: match config.mode {
+                Mode::Realtime => SILENCE_MAX,
+                Mode::Lockstep => LOCKSTEP_SILENCE_MAX,
+            },
             _lock: lock,
         };
         let services = Role::ALL.into_iter().filter(|role| match role {
@@ -242,7 +249,10 @@ impl Supervisor {
                 None => {
                     // A loop that only starts is missed by nobody: the joints are braked.
                     let starts = child.role() == Role::Loop && !child.is_ready();
-                    let patience = if starts { START_PATIENCE } else { SILENCE_MAX };
+                    let patience = match starts {
+                        true => START_PATIENCE.max(self.silence_max),
+                        false => self.silence_max,
+                    };
                     if !child.is_silent(patience) {
                         continue;
                     }

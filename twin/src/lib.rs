@@ -22,7 +22,7 @@ use plant_emulator::{Plant, PlantError, PlantParameters};
 use recording::{CycleRow, WriteError, Writer};
 use robot::{Injection, Robot};
 use rt_loop::cycle::{CycleInput, CycleState, Orders};
-use rt_loop::process::cycle_config;
+use rt_loop::config::cycle_config;
 use rt_loop::statistics::{Counters, CycleTimes};
 use rt_loop::status::loop_status;
 use services::controller::Controller;

@@ -180,6 +180,7 @@ fn run_config(motion: &Motion, seed: u64) -> RunConfig {
         period_ns: PERIOD_NS,
         cycles: (motion.duration_s * 1e9 / PERIOD_NS as f64) as u64,
         wait: Wait::Block,
+        wake_early_ns: 0,
         seed,
         inject: None,
         record: None,
