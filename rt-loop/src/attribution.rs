@@ -136,10 +136,7 @@ mod tests {
             compute_ns: 160_000,
             ..CycleTimes::default()
         });
-        assert_eq!(
-            cause(&little_of_each, &[], PERIOD_NS),
-            Cause::Unexplained
-        );
+        assert_eq!(cause(&little_of_each, &[], PERIOD_NS), Cause::Unexplained);
     }
 
     #[test]

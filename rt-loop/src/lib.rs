@@ -5,6 +5,7 @@
 //! [`statistics`] counts. None of them reads a clock, allocates or waits. [`process`] owns clock, shared memory and
 //! driver, and with [`lockstep`], [`accounts`] and [`steal_watch`] is the only part that does.
 #![forbid(unsafe_code)]
+#![cfg_attr(rtsan, feature(sanitize))]
 
 pub mod accounts;
 pub mod admission;

@@ -20,7 +20,9 @@ use crate::driver::Driver;
 use crate::emulator_driver::EmulatorDriver;
 use crate::last_cycles::LastCycles;
 use crate::lockstep::{self, LockstepPeers};
-use crate::report::{LOOP_REPORT_FILE, LoopReport, Quantiles, explained_overruns, named_counters, overrun_causes};
+use crate::report::{
+    LOOP_REPORT_FILE, LoopReport, Quantiles, explained_overruns, named_counters, overrun_causes,
+};
 use crate::statistics::CycleTimes;
 use crate::status::loop_status;
 use crate::steal_watch::StealWatch;
@@ -172,12 +174,10 @@ impl<D: Driver> Loop<D> {
 
     fn run(mut self, stop: &AtomicBool) -> LoopReport {
         self.connect();
-        let steal = StealWatch::start();
         let realtime = self.run.mode == Mode::Realtime;
-        let held = realtime.then(|| {
-            let core = self.run.core_of(Role::Loop);
-            apply(&treatment(core))
-        });
+        let core = self.run.core_of(Role::Loop);
+        let steal = StealWatch::start(core.filter(|_| realtime), &self.run.cores);
+        let held = realtime.then(|| apply(&treatment(core)));
         let begun_ns = monotonic_ns();
         let epoch_ns = if realtime {
             begun_ns + START_DELAY_NS

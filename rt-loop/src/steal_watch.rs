@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
 use realtime::clock::monotonic_ns;
+use realtime::cores::KeptOff;
 use realtime::usage::stolen_ns;
 
 /// How often the time stolen by the hypervisor is read.
@@ -19,11 +20,14 @@ pub struct StealWatch {
 }
 
 impl StealWatch {
-    /// To be started before the caller becomes a real-time thread, whose scheduling its children inherit.
-    pub fn start() -> Self {
+    /// To be started before the caller becomes a real-time thread, whose scheduling its children inherit. It stays off the
+    /// loop's core: reading `/proc/stat` takes the kernel longer than a wake-up may be late.
+    pub fn start(loop_core: Option<usize>, cores: &[usize]) -> Self {
+        let cores = cores.to_vec();
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
         let thread = std::thread::spawn(move || {
+            let _kept_off = loop_core.and_then(|core| KeptOff::core(core, &cores));
             let mut log: Vec<(u64, u64)> = Vec::new();
             while !stopped.load(Ordering::Relaxed) {
                 let stolen = std::fs::read_to_string("/proc/stat")

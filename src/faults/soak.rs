@@ -136,7 +136,8 @@ fn watch(
         .reader(&topics::OBSERVED_STATUS)
         .map_err(CliError::input)?;
     let begun = Instant::now();
-    let step = (asked_cycles / CHECKPOINTS).max(1);
+    // The last look is before the end, when the processes go.
+    let step = (asked_cycles / (CHECKPOINTS + 1)).max(1);
     let mut checkpoints: Vec<Checkpoint> = Vec::new();
     while !stop.load(Ordering::Relaxed) && subject.is_running() {
         if let Some(status) = statuses.take_newest()
@@ -171,7 +172,9 @@ fn held_by(subject: &Subject) -> BTreeMap<String, Held> {
 
 /// Of the text of `/proc/PID/status`.
 fn resident_kib(status: &str) -> Option<u64> {
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmRSS:"))?;
     line.split_whitespace().next()?.parse().ok()
 }
 

@@ -84,7 +84,14 @@ impl Subject {
             .arg(format!("{}ms", duration.as_millis()))
             .arg("--record")
             .arg(setting.record.unwrap_or(&recording))
-            .args(["--mode", if setting.lockstep { "lockstep" } else { "realtime" }])
+            .args([
+                "--mode",
+                if setting.lockstep {
+                    "lockstep"
+                } else {
+                    "realtime"
+                },
+            ])
             .arg("--json")
             .arg(folder.path().join("run.json"))
             .stdout(Stdio::null())

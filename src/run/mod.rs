@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use motion::Trajectory;
-use realtime::grant::usable_cores;
+use realtime::cores::usable_cores;
 use realtime::process::user_id;
 use robot::Robot;
 use rt_loop::report::{LOOP_REPORT_FILE, LoopReport};

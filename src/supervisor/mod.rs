@@ -11,6 +11,7 @@ use std::os::unix::fs::MetadataExt;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use realtime::cores::{KeptOff, start_on};
 use realtime::process::{bind_to_parent, user_id};
 use shm_types::bus::{Bus, BusError, Reader};
 use shm_types::instance::{Instance, InstanceError, Mode, RunConfig};
@@ -97,6 +98,8 @@ pub struct Supervisor {
     restarts: Vec<Restart>,
     begun: Instant,
     silence_max: Duration,
+    cores: Vec<usize>,
+    _kept_off: Option<KeptOff>,
     _lock: File,
 }
 
@@ -130,6 +133,12 @@ impl Supervisor {
                 Mode::Realtime => SILENCE_MAX,
                 Mode::Lockstep => LOCKSTEP_SILENCE_MAX,
             },
+            cores: config.cores.clone(),
+            // Two hundred looks a second at five processes would hold up the loop's wake-ups.
+            _kept_off: config
+                .core_of(Role::Loop)
+                .filter(|_| config.mode == Mode::Realtime)
+                .and_then(|core| KeptOff::core(core, &config.cores)),
             _lock: lock,
         };
         let services = Role::ALL.into_iter().filter(|role| match role {
@@ -174,7 +183,8 @@ impl Supervisor {
             what: role.name(),
             source,
         };
-        let process = spawn_process(&self.instance, role, &self.life_line).map_err(start_error)?;
+        let process = spawn_process(&self.instance, role, &self.life_line, &self.cores)
+            .map_err(start_error)?;
         let process_id = process.id();
         self.children.push(Child::new(role, process, heartbeat));
         writeln!(self.life_line, "{process_id}").map_err(start_error)?;
@@ -442,6 +452,7 @@ fn spawn_process(
     instance: &Instance,
     role: Role,
     life_line: &PipeWriter,
+    cores: &[usize],
 ) -> std::io::Result<std::process::Child> {
     let mut command = Command::new(std::env::current_exe()?);
     command
@@ -450,5 +461,6 @@ fn spawn_process(
         .stdin(Stdio::from(life_line.try_clone()?))
         .stdout(Stdio::null());
     bind_to_parent(&mut command);
+    start_on(&mut command, cores.to_vec());
     command.spawn()
 }
