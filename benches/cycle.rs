@@ -8,8 +8,8 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use realtime::process::user_id;
 use robot::Robot;
+use rt_loop::config::cycle_config;
 use rt_loop::cycle::{CycleConfig, CycleInput, CycleState, Orders};
-use rt_loop::process::cycle_config;
 use services::estimators::Estimators;
 use services::feedforward::Feedforward;
 use shm_types::bus::Bus;
@@ -38,6 +38,7 @@ fn config(robot: &Robot) -> CycleConfig {
         period_ns: PERIOD_NS,
         cycles: u64::MAX,
         wait: Wait::Block,
+        wake_early_ns: 0,
         seed: 1,
         inject: None,
         record: None,

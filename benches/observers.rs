@@ -9,7 +9,8 @@
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use realtime::grant::{Request, apply, usable_cores};
+use realtime::cores::usable_cores;
+use realtime::grant::{Request, apply};
 use realtime::process::user_id;
 use serde_json::Value;
 use shm_types::bus::Bus;

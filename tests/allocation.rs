@@ -105,6 +105,7 @@ fn heap_calls_of_a_run() -> u64 {
         period_ns: 666_667,
         cycles: WATCHED.end + 100,
         wait: Wait::Block,
+        wake_early_ns: 0,
         seed: 1,
         inject: None,
         record: None,
@@ -134,7 +135,7 @@ fn heap_calls_of_a_run() -> u64 {
         driver: EmulatorDriver::open(&bus, run.session).expect("the first loop"),
         heap_calls: Arc::clone(&heap_calls),
     };
-    let config = rt_loop::process::cycle_config(&run, &robot);
+    let config = rt_loop::config::cycle_config(&run, &robot);
     let report = control(&bus, driver, run, config, &AtomicBool::new(false)).expect("runs");
     assert_eq!(report.final_state, "Running");
     stop.store(true, Ordering::Relaxed);

@@ -81,6 +81,7 @@ fn the_twin_in_one_process_gives_the_same_bytes() {
             period_ns: 666_667,
             cycles: 2_999,
             wait: Wait::Block,
+            wake_early_ns: 0,
             seed: 1,
             inject: None,
             record: Some(path.clone()),

@@ -129,6 +129,7 @@ fn config(duration_s: f64, seed: u64, start_rad: &[f64]) -> RunConfig {
         period_ns: PERIOD_NS,
         cycles: (duration_s * 1e9 / PERIOD_NS as f64).round() as u64,
         wait: Wait::Block,
+        wake_early_ns: 0,
         seed,
         inject: None,
         record: None,

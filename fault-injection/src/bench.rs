@@ -7,9 +7,9 @@ use plant_emulator::process::emulated_plant;
 use plant_emulator::{Plant, PlantError};
 use robot::Robot;
 use rt_loop::admission::{admits_command, check_sample};
+use rt_loop::config::cycle_config;
 use rt_loop::cycle::{CycleConfig, CycleInput, CycleState, Orders};
 use rt_loop::driver::{DriveFault, Driver};
-use rt_loop::process::cycle_config;
 use rt_loop::statistics::Counters;
 use services::controller::Controller;
 use services::feedforward::FeedforwardError;
@@ -79,6 +79,7 @@ impl Bench {
             period_ns: PERIOD_NS,
             cycles: 0,
             wait: Wait::Block,
+            wake_early_ns: 0,
             seed: 1,
             inject: None,
             record: None,

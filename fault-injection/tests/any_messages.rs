@@ -47,6 +47,7 @@ fn run(options: ControlOptions) -> RunConfig {
         period_ns: PERIOD_NS,
         cycles: 0,
         wait: Wait::Block,
+        wake_early_ns: 0,
         seed: 1,
         inject: None,
         record: None,

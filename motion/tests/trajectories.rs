@@ -458,6 +458,8 @@ fn bad_requests_are_refused_in_one_line() {
 }
 
 mod mangled {
+    use std::sync::LazyLock;
+
     use proptest::prelude::*;
 
     use super::*;
@@ -467,11 +469,25 @@ mod mangled {
 
     proptest! {
         #[test]
-        fn files_never_panic(at in 0..FILE.len(), length in 0usize..12, scrap in "[-0-9.eE=\"\\[\\]\n a-z_]{0,8}") {
-            let robot = robot::load("shd17").unwrap();
-            let text = format!("{}{scrap}{}", &FILE[..at], &FILE[(at + length).min(FILE.len())..]);
-            if let Err(error) = from_file("x.toml", &text, &robot) {
-                prop_assert!(!error.to_string().contains('\n'), "{error}");
+        fn files_never_panic(wounds in prop::collection::vec((any::<prop::sample::Index>(), 0usize..12, "[-0-9.eE=\"\\[\\]\n a-z_]{0,8}"), 1..5)) {
+            static FOLDER: LazyLock<tempfile::TempDir> = LazyLock::new(|| tempfile::tempdir().unwrap());
+            static SHD17: LazyLock<Robot> = LazyLock::new(|| robot::load("shd17").expect("shipped"));
+            let mut chars: Vec<char> = FILE.chars().collect();
+            for (at, length, scrap) in &wounds {
+                let start = at.index(chars.len() + 1);
+                let end = (start + length).min(chars.len());
+                chars.splice(start..end, scrap.chars());
+            }
+            let text: String = chars.into_iter().collect();
+            let path = FOLDER.path().join("x.toml");
+            fs::write(&path, &text).unwrap();
+            match load(path.to_str().unwrap(), &SHD17) {
+                Err(error) => prop_assert!(!error.to_string().contains('\n'), "{error}"),
+                Ok(trajectory) => {
+                    let mut reference = motion::Reference::default();
+                    trajectory.sample(12.3, &mut reference);
+                    prop_assert!(reference.position_rad[0].is_finite(), "{text}");
+                }
             }
         }
     }

@@ -6,6 +6,8 @@ use std::io::Write;
 
 use serde::{Deserialize, Serialize};
 
+use crate::cores::usable_cores;
+
 /// What a thread asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Request {
@@ -126,15 +128,6 @@ pub fn apply(request: &Request) -> (Grant, Held) {
             _dma_latency: dma_latency,
         },
     )
-}
-
-/// The cores this process may use.
-pub fn usable_cores() -> Vec<usize> {
-    core_affinity::get_core_ids()
-        .unwrap_or_default()
-        .into_iter()
-        .map(|core| core.id)
-        .collect()
 }
 
 fn hold_dma_latency() -> std::io::Result<File> {

@@ -230,12 +230,70 @@ fn native(folder: &Path) -> Vec<u8> {
     std::fs::read(path).unwrap()
 }
 
+const PLAIN_LOG: &str = "time_s,segment,elbow.motor_torque_nm,elbow.motor_position_rad\n0,1,2.5,0.1\n0.004,1,,0.2\n\
+                         0.008,1,nan,0.3\n0,2,-1e-3,0.1\n0.004,2,7,0.15\n";
+const MAPPED_LOG: &str = "t;trial;q;i\n0;1;180;1\n4;1;181;1,5\n8;1;182;2\n0;2;90;1\n4;2;91;1\n";
+const MAPPING: &str = "sample_rate_hz = 250.0\n[columns]\ntime_s = { column = 't', scale = 1e-3 }\nsegment = 'trial'\n\
+                       [joint.elbow]\nmotor_current_a = 'i'\nmotor_position_rad = { column = 'q', scale = 4.48, offset = 1 }\n";
+
+/// The text with some stretches removed, doubled or overwritten.
+fn mangle(text: &str, wounds: &[(prop::sample::Index, usize, String)]) -> String {
+    let mut chars: Vec<char> = text.chars().collect();
+    for (at, length, insert) in wounds {
+        let start = at.index(chars.len() + 1);
+        let end = (start + length).min(chars.len());
+        chars.splice(start..end, insert.chars());
+    }
+    chars.into_iter().collect()
+}
+
+fn wounds() -> impl Strategy<Value = Vec<(prop::sample::Index, usize, String)>> {
+    let scrap = prop::sample::select(vec![
+        "",
+        "nan",
+        "-inf",
+        "1e400",
+        "-1e-400",
+        "\n",
+        "\r\n",
+        ",",
+        ";",
+        "\t",
+        "\"",
+        "'",
+        "=",
+        "[joint.",
+        "]\n",
+        "{",
+        "}",
+        "9999999999999999999999",
+        "\u{feff}",
+        "\0",
+        "time_s",
+        "column",
+    ]);
+    prop::collection::vec(
+        (
+            any::<prop::sample::Index>(),
+            0_usize..12,
+            scrap.prop_map(str::to_owned),
+        ),
+        0..6,
+    )
+}
+
 /// Where in the file, as a share of its length, and what is put there.
 fn damage() -> impl Strategy<Value = Vec<(f64, u8)>> {
     prop::collection::vec(
         (0.0..1.0, prop_oneof![any::<u8>(), Just(0), Just(0xff)]),
         1..6,
     )
+}
+
+/// A folder whose files are written again for each input. Each test has names of its own in it.
+fn shared_folder() -> &'static Path {
+    static FOLDER: LazyLock<tempfile::TempDir> = LazyLock::new(|| tempfile::tempdir().unwrap());
+    FOLDER.path()
 }
 
 fn damaged(mut bytes: Vec<u8>, damage: &[(f64, u8)]) -> Vec<u8> {
@@ -254,11 +312,22 @@ proptest! {
             let unprotected = unprotected(folder.path());
             [native(folder.path()), zstd_compressed(&unprotected), unprotected]
         });
-        let folder = tempfile::tempdir().unwrap();
         for bytes in &*WHOLE {
-            if let Ok(recording) = read_bytes(folder.path(), "damaged.mcap", &damaged(bytes.clone(), &damage)) {
+            if let Ok(recording) = read_bytes(shared_folder(), "damaged.mcap", &damaged(bytes.clone(), &damage)) {
                 prop_assert!(recording.rows() <= 2 * 30 * 5);
                 prop_assert!(recording.joints.len() <= recording::JOINTS_MAX);
+            }
+        }
+    }
+
+    #[test]
+    fn a_mangled_log_and_a_mangled_mapping_are_read_or_refused(in_log in wounds(), in_mapping in wounds()) {
+        let folder = shared_folder();
+        std::fs::write(folder.join("mangled.toml"), mangle(MAPPING, &in_mapping)).unwrap();
+        for (name, log) in [("mangled.csv", MAPPED_LOG), ("plain.csv", PLAIN_LOG)] {
+            match read_bytes(folder, name, mangle(log, &in_log).as_bytes()) {
+                Ok(recording) => prop_assert!(recording.rows() <= log.len() + 6 * 12),
+                Err(problem) => prop_assert!(!problem.to_string().contains('\n'), "{problem}"),
             }
         }
     }
@@ -268,9 +337,9 @@ proptest! {
         csv in "(time_s|segment|a\\.motor_torque_nm|[,;\t\n\"0-9.e-]|nan|inf|\\PC){0,60}",
         mapping in "(sample_rate_hz|columns|joint|time_s|motor_torque_nm|scale|[\\[\\]={}\"\n0-9.a]){0,20}",
     ) {
-        let folder = tempfile::tempdir().unwrap();
-        let _ = read_bytes(folder.path(), "alone.csv", csv.as_bytes());
-        std::fs::write(folder.path().join("mapped.toml"), mapping).unwrap();
-        let _ = read_bytes(folder.path(), "mapped.csv", csv.as_bytes());
+        let folder = shared_folder();
+        let _ = read_bytes(folder, "alone.csv", csv.as_bytes());
+        std::fs::write(folder.join("mapped.toml"), mapping).unwrap();
+        let _ = read_bytes(folder, "mapped.csv", csv.as_bytes());
     }
 }

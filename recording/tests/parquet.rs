@@ -330,8 +330,12 @@ static WHOLE: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
 });
 
 fn read_bytes(bytes: &[u8]) -> Result<Recording, ReadProblem> {
-    let folder = Folder::new();
-    let path = folder.file("damaged.parquet");
+    static FOLDERS: LazyLock<Folder> = LazyLock::new(Folder::new);
+    // Tests run beside each other.
+    let path = FOLDERS.file(&format!(
+        "damaged-{:?}.parquet",
+        std::thread::current().id()
+    ));
     std::fs::write(&path, bytes).unwrap();
     read(&path).map_err(|error| error.problem)
 }

@@ -1,14 +1,22 @@
 //! No text makes the readers panic, and every refusal is one line.
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
+use std::path::Path;
 use std::sync::LazyLock;
 
 use proptest::prelude::*;
-use robot::{Robot, RobotFile, Source, load, parse_injection};
+use robot::{Robot, RobotFile, Source, load, load_pushes, parse_injection};
+use tempfile::TempDir;
 
 const ROBOT: &str = include_str!("../../robots/shd17.toml");
-const INJECTION: &str =
-    "[[effect]]\njoint = \"joint1\"\neffect = \"backlash\"\ngap_rad = 0.01\nstart_s = 5\n";
+const INJECTION: &str = "[[effect]]\njoint = \"joint1\"\neffect = \"backlash\"\ngap_rad = 0.01\nstart_s = 5\n\
+                         [[push]]\njoint = \"joint1\"\ntorque_nm = 2\nstart_s = 1\nduration_s = 0.5\n";
+const URDF: &str = r#"<robot name="arm"><link name="base"/><link name="upper"><inertial><origin xyz="0 0 0.1"/>
+<mass value="1"/><inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"/></inertial></link><link name="tip"/>
+<joint name="q1" type="revolute"><origin xyz="0.1 0 0"/><parent link="base"/><child link="upper"/><axis xyz="0 2 0"/>
+<limit lower="-1" upper="1" effort="10" velocity="2"/></joint>
+<joint name="end" type="fixed"><parent link="upper"/><child link="tip"/></joint></robot>"#;
+const URDF_ROBOT: &str = "name = \"arm\"\nurdf = \"arm.urdf\"\n[[joint]]\nname = \"q1\"\ngear_ratio = 50.0\nrotor_inertia_kg_m2 = 1e-5\n";
 static SHD17: LazyLock<Robot> = LazyLock::new(|| load("shd17").expect("shipped"));
 
 /// The text with some stretches removed, doubled or overwritten.
@@ -35,7 +43,32 @@ fn wounds() -> impl Strategy<Value = Vec<(prop::sample::Index, usize, String)>> 
     prop::collection::vec((any::<prop::sample::Index>(), 0usize..30, scrap), 1..6)
 }
 
+/// A folder to read files from, written again for each input.
+fn folder() -> &'static Path {
+    static FOLDER: LazyLock<TempDir> = LazyLock::new(|| TempDir::new().expect("a folder"));
+    FOLDER.path()
+}
+
 proptest! {
+    #[test]
+    fn mangled_bodies(wounds in wounds()) {
+        let path = folder().join("arm.toml");
+        std::fs::write(folder().join("arm.urdf"), mangle(URDF, &wounds)).unwrap();
+        std::fs::write(&path, URDF_ROBOT).unwrap();
+        if let Err(error) = load(path.to_str().unwrap()) {
+            prop_assert!(!error.to_string().contains('\n'), "{error}");
+        }
+    }
+
+    #[test]
+    fn mangled_pushes(wounds in wounds()) {
+        let path = folder().join("push.toml");
+        std::fs::write(&path, mangle(INJECTION, &wounds)).unwrap();
+        if let Err(error) = load_pushes(&path, &SHD17) {
+            prop_assert!(!error.to_string().contains('\n'), "{error}");
+        }
+    }
+
     #[test]
     fn mangled_robot_files(wounds in wounds()) {
         let text = mangle(ROBOT, &wounds);

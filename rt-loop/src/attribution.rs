@@ -20,6 +20,8 @@ pub enum Cause {
     Service,
     /// The loop's own work took too long.
     OwnCompute,
+    /// None of these: what was taken is spread over the cycle, or went where no clock was read.
+    Unexplained,
 }
 
 impl Cause {
@@ -32,6 +34,7 @@ impl Cause {
             Self::Drive => "drive",
             Self::Service => "service",
             Self::OwnCompute => "own compute",
+            Self::Unexplained => "unexplained",
         }
     }
 }
@@ -64,8 +67,10 @@ pub fn cause(overrun: &Overrun, steal: &StealLog, period_ns: u64) -> Cause {
         Cause::Drive
     } else if !overrun.command_came || times.command_latency_ns > blame_ns {
         Cause::Service
-    } else {
+    } else if times.compute_ns > blame_ns {
         Cause::OwnCompute
+    } else {
+        Cause::Unexplained
     }
 }
 
@@ -124,6 +129,14 @@ mod tests {
             ..CycleTimes::default()
         });
         assert_eq!(cause(&slow, &[], PERIOD_NS), Cause::OwnCompute);
+        let little_of_each = overrun(CycleTimes {
+            wakeup_lateness_ns: 160_000,
+            exchange_ns: 160_000,
+            command_latency_ns: 160_000,
+            compute_ns: 160_000,
+            ..CycleTimes::default()
+        });
+        assert_eq!(cause(&little_of_each, &[], PERIOD_NS), Cause::Unexplained);
     }
 
     #[test]

@@ -118,6 +118,7 @@ impl CycleState {
     ///
     /// # Errors
     /// [`DriveFault::JumpedSample`].
+    #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
     pub fn admit(
         &self,
         config: &CycleConfig,
@@ -131,6 +132,7 @@ impl CycleState {
     }
 
     /// The message that asks the services for the command of `cycle`.
+    #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
     pub fn sensor_sample(
         &self,
         config: &CycleConfig,
@@ -152,6 +154,7 @@ impl CycleState {
     }
 
     /// One cycle.
+    #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
     pub fn step(&mut self, config: &CycleConfig, input: &CycleInput<'_>) -> CycleOutput {
         self.clock.advance(config, self.state, input.cycle);
         self.observe(config, input);
@@ -312,5 +315,7 @@ impl CycleState {
     }
 }
 
+#[cfg(test)]
+mod every_order;
 #[cfg(test)]
 mod tests;

@@ -8,7 +8,7 @@ use shm_types::JOINTS_MAX;
 use shm_types::messages::{DriveSample, PerJoint};
 
 use crate::cycle::CycleConfig;
-use crate::limits::JointMotion;
+use crate::limits::{JointMotion, within};
 
 /// Samples in a row that may be repeated. A reading that has stood for longer was no repetition: the joint stood, and what it
 /// has gone it has gone since. So a joint at its velocity limit is not taken for a runaway until eight are repeated in a row,
@@ -104,7 +104,7 @@ impl Tachometer {
         if change_rad == 0.0 {
             let highest_rad_s = self.step_rad / (seconds_since(self.changed_cycle) + period_s);
             let velocity_rad_s = &mut self.motion.velocity_rad_s;
-            *velocity_rad_s = velocity_rad_s.clamp(-highest_rad_s, highest_rad_s);
+            *velocity_rad_s = within(-highest_rad_s, *velocity_rad_s, highest_rad_s);
         } else if cycle > self.changed_cycle {
             let since = self.changed_cycle.max(oldest_cycle);
             self.motion.position_rad = position_rad;

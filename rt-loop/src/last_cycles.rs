@@ -25,6 +25,7 @@ impl Default for LastCycles {
 
 impl LastCycles {
     /// Keeps a cycle. The one that stops the loop is the last; from then on nothing is kept until all were handed out.
+    #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
     pub fn keep(&mut self, cycle: LastCycle, stopped: bool) {
         if self.handed_out.is_some_and(|count| count < self.ring.len()) {
             return;
@@ -49,6 +50,7 @@ impl LastCycles {
     }
 
     /// The next of a stop's cycles, oldest first.
+    #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
     pub fn hand_out(&mut self) -> Option<LastCycle> {
         let index = self.handed_out.filter(|&index| index < self.ring.len())?;
         self.handed_out = Some(index + 1);

@@ -7,7 +7,7 @@ use realtime::grant::Grant;
 use serde::{Deserialize, Serialize};
 
 use crate::attribution::{Cause, StealLog, cause};
-use crate::statistics::Statistics;
+use crate::statistics::{Overrun, Statistics};
 
 /// File of the loop's report in the instance's directory.
 pub const LOOP_REPORT_FILE: &str = "loop-report.json";
@@ -70,6 +70,31 @@ pub struct LoopReport {
     pub counters: BTreeMap<String, u64>,
     /// Missed deadlines by main cause.
     pub overrun_causes: BTreeMap<Cause, u64>,
+    /// The cycles that missed them, oldest first, as many as were kept.
+    pub overruns: Vec<ExplainedOverrun>,
+}
+
+/// A cycle that missed its deadline.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ExplainedOverrun {
+    /// The cycle.
+    pub cycle: u64,
+    /// Its planned instant on the monotonic clock.
+    pub planned_ns: u64,
+    /// Deadlines it cost.
+    pub periods: u64,
+    /// Why.
+    pub cause: Cause,
+    /// Late by this much against the first instant planned after the last cycle.
+    pub wakeup_lateness_us: f64,
+    /// The loop's own work.
+    pub compute_us: f64,
+    /// From sample to command; 0 if none came.
+    pub command_latency_us: f64,
+    /// Exchange with the drives.
+    pub exchange_us: f64,
+    /// From the planned instant to the end of the cycle's work.
+    pub finished_after_us: f64,
 }
 
 /// Counters under the names they are reported by.
@@ -109,4 +134,25 @@ pub fn overrun_causes(
         *causes.entry(cause(overrun, steal, period_ns)).or_insert(0) += overrun.periods;
     }
     causes
+}
+
+/// The overruns that were kept, each with its main cause.
+pub fn explained_overruns(
+    statistics: &Statistics,
+    steal: &StealLog,
+    period_ns: u64,
+) -> Vec<ExplainedOverrun> {
+    let us = |time_ns: u64| time_ns as f64 * 1e-3;
+    let explained = |overrun: &Overrun| ExplainedOverrun {
+        cycle: overrun.cycle,
+        planned_ns: overrun.planned_ns,
+        periods: overrun.periods,
+        cause: cause(overrun, steal, period_ns),
+        wakeup_lateness_us: us(overrun.times.wakeup_lateness_ns),
+        compute_us: us(overrun.times.compute_ns),
+        command_latency_us: us(overrun.times.command_latency_ns),
+        exchange_us: us(overrun.times.exchange_ns),
+        finished_after_us: us(overrun.times.finished_after_ns),
+    };
+    statistics.overruns().iter().map(explained).collect()
 }

@@ -42,6 +42,12 @@ impl Sending {
         self.moving_cycles > DRIVE_ANSWER_CYCLES
     }
 
+    /// Cycles in a row in which the drives were sent a torque or a velocity.
+    #[cfg(test)]
+    pub fn moving_cycles(&self) -> u64 {
+        self.moving_cycles
+    }
+
     /// Closes the brakes.
     pub fn brake(&mut self) {
         *self = Self::default();

@@ -123,6 +123,7 @@ impl Default for Statistics {
 
 impl Statistics {
     /// Adds one cycle's times.
+    #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
     pub fn record(&mut self, times: &CycleTimes) {
         self.counters.cycles += 1;
         self.wakeup_lateness_ns
@@ -139,6 +140,7 @@ impl Statistics {
     }
 
     /// Counts a cycle that did not keep its time, and keeps its circumstances while there is room.
+    #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
     pub fn record_overrun(&mut self, overrun: Overrun) {
         self.counters.missed_deadlines += overrun.periods;
         if self.overruns.len() < OVERRUNS_KEPT {

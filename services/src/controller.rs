@@ -49,6 +49,7 @@ impl Controller {
     }
 
     /// The command that answers one sample. No allocation, no clock.
+    #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
     pub fn command(&mut self, sample: &SensorSample) -> Command {
         match self {
             Self::Torque(feedforward) => feedforward.command(sample),

@@ -101,6 +101,7 @@ impl Estimators {
     }
 
     /// The estimates for one sample. No allocation, no clock.
+    #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
     pub fn estimate(&mut self, sample: &SensorSample) -> TorqueEstimate {
         let passed_cycles = passed_cycles(&self.answer.header, &sample.header);
         self.answer.header = sample.header;

@@ -3,6 +3,7 @@
 //! Each is a pure core ([`feedforward`], [`estimators`], [`relay`], [`tracking`]) that turns messages into messages,
 //! and a thin process around it that owns shared memory and clock.
 #![forbid(unsafe_code)]
+#![cfg_attr(rtsan, feature(sanitize))]
 
 pub mod answering;
 pub mod compensation;

@@ -72,6 +72,8 @@ pub struct RunConfig {
     pub cycles: u64,
     /// How the loop and the services wait.
     pub wait: Wait,
+    /// The loop wakes this long before each cycle's instant and watches the clock until it has come; 0 sleeps to it.
+    pub wake_early_ns: u64,
     /// Seed of everything random in the emulator.
     pub seed: u64,
     /// File of effects the emulator adds.
@@ -80,7 +82,7 @@ pub struct RunConfig {
     pub record: Option<PathBuf>,
     /// After this much of the period, a command that has not come is missing.
     pub command_deadline_ns: u64,
-    /// Cores the processes may use, in rising order.
+    /// Cores the processes may use, the loop's own last.
     pub cores: Vec<usize>,
     /// Where the emulated joints stand at the start.
     pub initial_position_rad: Vec<f64>,

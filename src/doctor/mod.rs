@@ -15,7 +15,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
-use realtime::grant::usable_cores;
+use realtime::cores::usable_cores;
 use realtime::process::user_id;
 use rt_loop::process::FIFO_PRIORITY;
 use serde::Serialize;

@@ -2,6 +2,7 @@
 
 mod kills;
 mod processes;
+mod soak;
 mod subject;
 mod table;
 mod virtual_time;
@@ -13,6 +14,7 @@ use crate::error::CliError;
 use crate::output::{print, write_json};
 use kills::{KillReport, RoundReport};
 use processes::ProcessOutcome;
+use soak::SoakReport;
 use virtual_time::VirtualOutcome;
 
 /// What all faults came to.
@@ -26,6 +28,8 @@ struct FaultsReport {
     kills: Option<KillReport>,
     /// Instances started and stopped with kills at random moments.
     rounds: Option<RoundReport>,
+    /// A long run in lockstep.
+    soak: Option<SoakReport>,
 }
 
 /// Runs the suite and prints its tables.
@@ -52,6 +56,12 @@ pub fn faults(arguments: &FaultsArguments) -> Result<(), CliError> {
         let rounds = kills::at_random_moments(arguments)?;
         show(&format!("{rounds}"), arguments)?;
         report.rounds = Some(rounds);
+    }
+    // It takes hours: only where it is asked for.
+    if wanted(FaultsPart::Soak) && (arguments.short || !arguments.part.is_empty()) {
+        let soak = soak::soak(arguments)?;
+        show(&format!("{soak}"), arguments)?;
+        report.soak = Some(soak);
     }
     if let Some(path) = &arguments.json {
         write_json(&report, path)?;
@@ -81,10 +91,12 @@ impl FaultsReport {
             .map(|outcome| outcome.fault.to_owned());
         let kills = self.kills.iter().filter(|kills| !kills.survived());
         let rounds = self.rounds.iter().filter(|rounds| !rounds.clean());
+        let soak = self.soak.iter().filter(|soak| !soak.stood_still());
         let wrong: Vec<String> = in_virtual_time
             .chain(with_processes)
             .chain(kills.map(|_| "service kills".to_owned()))
             .chain(rounds.map(|_| "start-stop rounds".to_owned()))
+            .chain(soak.map(|_| "soak".to_owned()))
             .collect();
         if wrong.is_empty() {
             return Ok(());

@@ -10,7 +10,7 @@ use serde::Serialize;
 use serde_json::Value;
 use shm_types::topics::Role;
 
-use super::subject::{End, Subject};
+use super::subject::{End, Setting, Subject};
 use crate::cli::FaultsArguments;
 use crate::error::CliError;
 
@@ -151,14 +151,12 @@ fn all() -> Vec<ProcessFault> {
             signal(run, Role::Loop, SIGKILL)
         })),
         short(ProcessFault {
-            start: |robot| Subject::start_with(robot, RUN, Some(Path::new("/dev/full")), &[]),
+            start: |robot| start(robot, Some("/dev/full"), &[]),
             ..fault("disk full from the start", Refused, |_| ())
         }),
         ProcessFault {
             obstacle: needs_root,
-            start: |robot| {
-                Subject::start_with(robot, RUN, Some(Path::new("/mnt/run.mcap")), &SMALL_DISK)
-            },
+            start: |robot| start(robot, Some("/mnt/run.mcap"), &SMALL_DISK),
             ..fault("disk full during the run", GoesOnUnrecorded, |_| ())
         },
         short(fault(
@@ -171,7 +169,7 @@ fn all() -> Vec<ProcessFault> {
         }))),
         ProcessFault {
             obstacle: needs_root,
-            start: |robot| Subject::start_with(robot, RUN, None, &FULL_SHARED_MEMORY),
+            start: |robot| start(robot, None, &FULL_SHARED_MEMORY),
             ..fault("shared memory full", Refused, |_| ())
         },
         ProcessFault {
@@ -179,6 +177,15 @@ fn all() -> Vec<ProcessFault> {
             ..fault("wall clock stepped by 2 s, and back", GoesOn, step_clock)
         },
     ]
+}
+
+fn start(robot: &str, record: Option<&str>, wrapper: &[&str]) -> Result<Subject, CliError> {
+    let setting = Setting {
+        record: record.map(Path::new),
+        wrapper,
+        lockstep: false,
+    };
+    Subject::start_with(robot, RUN, &setting)
 }
 
 /// Runs what follows with 1 MiB of shared memory, seen by it alone.

@@ -37,30 +37,40 @@ pub struct End {
     pub left_behind: Vec<String>,
 }
 
+/// What a run is started with.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Setting<'a> {
+    /// Where it records to; a folder of its own if none.
+    pub record: Option<&'a Path>,
+    /// A command that runs it.
+    pub wrapper: &'a [&'a str],
+    /// In lockstep instead of real time.
+    pub lockstep: bool,
+}
+
 impl Subject {
-    /// Starts a run with a name of its own, recording into a folder of its own.
+    /// Starts a run with a name of its own, in real time.
     ///
     /// # Errors
     /// [`CliError::Input`] if it cannot be started.
     pub fn start(robot: &str, duration: Duration) -> Result<Self, CliError> {
-        Self::start_with(robot, duration, None, &[])
+        Self::start_with(robot, duration, &Setting::default())
     }
 
-    /// The same, recording to `record` and run by `wrapper`.
+    /// Starts a run with a name of its own.
     ///
     /// # Errors
     /// [`CliError::Input`] if it cannot be started.
     pub fn start_with(
         robot: &str,
         duration: Duration,
-        record: Option<&Path>,
-        wrapper: &[&str],
+        setting: &Setting<'_>,
     ) -> Result<Self, CliError> {
         let name = format!("faults-{}", std::process::id());
         let instance = Instance::new(&name, user_id()).map_err(CliError::input)?;
         let folder = tempfile::tempdir().map_err(CliError::input)?;
         let program = std::env::current_exe().map_err(CliError::input)?;
-        let mut command = match wrapper {
+        let mut command = match setting.wrapper {
             [] => Command::new(&program),
             [first, others @ ..] => {
                 let mut command = Command::new(first);
@@ -73,7 +83,15 @@ impl Subject {
             .args(["run", "--robot", robot, "--instance", &name, "--duration"])
             .arg(format!("{}ms", duration.as_millis()))
             .arg("--record")
-            .arg(record.unwrap_or(&recording))
+            .arg(setting.record.unwrap_or(&recording))
+            .args([
+                "--mode",
+                if setting.lockstep {
+                    "lockstep"
+                } else {
+                    "realtime"
+                },
+            ])
             .arg("--json")
             .arg(folder.path().join("run.json"))
             .stdout(Stdio::null())
@@ -86,6 +104,11 @@ impl Subject {
             folder,
             child,
         })
+    }
+
+    /// The instance of the run.
+    pub fn instance(&self) -> &Instance {
+        &self.instance
     }
 
     /// Sends a signal to the supervisor.

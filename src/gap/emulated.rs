@@ -79,6 +79,7 @@ impl Course {
             period_ns: PERIOD_NS,
             cycles: (self.duration_s * 1e9 / PERIOD_NS as f64).round() as u64,
             wait: Wait::Block,
+            wake_early_ns: 0,
             seed: self.seed,
             inject: None,
             record: None,

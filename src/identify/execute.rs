@@ -237,6 +237,7 @@ impl<'a> Rig<'a> {
             period_ns: run::PERIOD_NS,
             cycles: (experiment.duration_s * 1e9 / run::PERIOD_NS as f64).ceil() as u64,
             wait: Wait::Block,
+            wake_early_ns: 0,
             seed: self.arguments.seed,
             inject: None,
             record: Some(unfinished.path.clone()),
@@ -294,6 +295,9 @@ impl<'a> Rig<'a> {
         let unfinished = Unfinished::new(&self.new_recording_path(experiment))?;
         let trajectory = self.write_trajectory(experiment)?;
         let arguments = RunArguments {
+            rate: 1e9 / run::PERIOD_NS as f64,
+            loop_core: None,
+            wake_early: Duration::ZERO,
             robot: self.arguments.robot.clone(),
             driver: self.arguments.driver.clone(),
             trajectory: Some(trajectory.display().to_string()),

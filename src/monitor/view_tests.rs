@@ -19,6 +19,7 @@ fn run(mode: Mode) -> RunConfig {
         period_ns: PERIOD_NS,
         cycles: 1,
         wait: Wait::Block,
+        wake_early_ns: 0,
         seed: 1,
         inject: None,
         record: None,

@@ -77,6 +77,7 @@ fn config(arguments: &RecordingSimulateArguments, table: &Recording, robot: &Rob
         period_ns,
         cycles: 0,
         wait: Wait::Block,
+        wake_early_ns: 0,
         seed: arguments.seed,
         inject: None,
         record: None,

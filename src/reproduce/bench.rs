@@ -188,6 +188,7 @@ fn run_config(controller: &Controller, course: &Course, seed: u64) -> RunConfig 
         period_ns: PERIOD_NS,
         cycles: (course.duration_s * 1e9 / PERIOD_NS as f64).ceil() as u64,
         wait: Wait::Block,
+        wake_early_ns: 0,
         seed,
         inject: None,
         record: None,

@@ -7,10 +7,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use motion::Trajectory;
-use realtime::grant::usable_cores;
+use realtime::cores::usable_cores;
 use realtime::process::user_id;
 use robot::Robot;
 use rt_loop::report::{LOOP_REPORT_FILE, LoopReport};
@@ -31,6 +31,10 @@ use report::RunReport;
 
 /// The servo drivers' rate: where "1.5 kHz" comes from.
 pub const PERIOD_NS: u64 = 666_667;
+/// Rates at which a loop is worth running: a lost wake-up is found after 0.1 ms, and joints need more than a few samples a second.
+const RATE_HZ: std::ops::RangeInclusive<f64> = 50.0..=20_000.0;
+/// A loop that watches the clock for a larger part of the period than this, in percent, leaves its core nothing else to do.
+const WAKE_EARLY_PERCENT_MAX: u64 = 50;
 /// Part of the period, in percent, after which a command that has not come is missing.
 const COMMAND_DEADLINE_PERCENT: u64 = 75;
 
@@ -171,17 +175,10 @@ impl Plan {
     fn new(arguments: &RunArguments) -> Result<Self, CliError> {
         let instance = Instance::new(&arguments.instance, user_id()).map_err(CliError::input)?;
         check_driver(&arguments.driver)?;
-        let cycles = arguments.duration.as_nanos() / u128::from(PERIOD_NS);
-        let cycles = u64::try_from(cycles)
-            .ok()
-            .filter(|&cycles| cycles > 0)
-            .ok_or_else(|| {
-                CliError::Input(format!(
-                    "--duration {:?}: must be at least one period, 667 µs",
-                    arguments.duration
-                ))
-            })?;
         let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
+        let period_ns = period_ns(arguments.rate, &robot)?;
+        let cycles = cycles(arguments.duration, period_ns)?;
+        let wake_early_ns = wake_early_ns(arguments.wake_early, period_ns)?;
         let trajectory = match &arguments.trajectory {
             Some(name) => name.clone(),
             None => motion::default_name(&robot).to_owned(),
@@ -212,14 +209,15 @@ impl Plan {
             options: control_options(arguments),
             estimators: arguments.estimators.clone(),
             mode: arguments.mode.into(),
-            period_ns: PERIOD_NS,
+            period_ns,
             cycles,
             wait: arguments.wait.into(),
+            wake_early_ns,
             seed: arguments.seed,
             inject: arguments.inject.as_deref().map(absolute),
             record: Some(record),
-            command_deadline_ns: PERIOD_NS * COMMAND_DEADLINE_PERCENT / 100,
-            cores: usable_cores(),
+            command_deadline_ns: period_ns * COMMAND_DEADLINE_PERCENT / 100,
+            cores: cores(arguments.loop_core, usable_cores())?,
             initial_position_rad: start.position_rad[..robot.joints.len()].to_vec(),
         };
         check_control(&config, robot.clone(), loaded)?;
@@ -229,6 +227,66 @@ impl Plan {
             robot,
         })
     }
+}
+
+fn period_ns(rate_hz: f64, robot: &Robot) -> Result<u64, CliError> {
+    if !RATE_HZ.contains(&rate_hz) {
+        return Err(CliError::Input(format!(
+            "--rate {rate_hz}: must be {} to {} cycles a second",
+            RATE_HZ.start(),
+            RATE_HZ.end()
+        )));
+    }
+    let filter_hz = robot
+        .control
+        .as_ref()
+        .map_or(0.0, |control| control.velocity_filter_hz);
+    if filter_hz >= rate_hz / 2.0 {
+        return Err(CliError::Input(format!(
+            "--rate {rate_hz}: must be more than twice the robot's velocity_filter_hz = {filter_hz}"
+        )));
+    }
+    Ok((1e9 / rate_hz).round() as u64)
+}
+
+fn cycles(duration: Duration, period_ns: u64) -> Result<u64, CliError> {
+    u64::try_from(duration.as_nanos() / u128::from(period_ns))
+        .ok()
+        .filter(|&cycles| cycles > 0)
+        .ok_or_else(|| {
+            CliError::Input(format!(
+                "--duration {duration:?}: must be at least one period, {} µs",
+                period_ns.div_ceil(1000)
+            ))
+        })
+}
+
+fn wake_early_ns(early: Duration, period_ns: u64) -> Result<u64, CliError> {
+    let most_ns = period_ns * WAKE_EARLY_PERCENT_MAX / 100;
+    u64::try_from(early.as_nanos())
+        .ok()
+        .filter(|&early_ns| early_ns <= most_ns)
+        .ok_or_else(|| {
+            CliError::Input(format!(
+                "--wake-early {early:?}: must be at most half of the period, {} µs",
+                most_ns / 1000
+            ))
+        })
+}
+
+/// The cores, the loop's last.
+fn cores(loop_core: Option<usize>, mut cores: Vec<usize>) -> Result<Vec<usize>, CliError> {
+    let Some(own) = loop_core else {
+        return Ok(cores);
+    };
+    let Some(at) = cores.iter().position(|&core| core == own) else {
+        return Err(CliError::Input(format!(
+            "--loop-core {own}: not a core this process may use; those are {cores:?}"
+        )));
+    };
+    cores.remove(at);
+    cores.push(own);
+    Ok(cores)
 }
 
 fn control_options(arguments: &RunArguments) -> ControlOptions {
@@ -390,5 +448,32 @@ impl RunReport {
             ));
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_loop_gets_the_core_that_is_asked_for() {
+        let usable = || vec![0, 1, 2, 5];
+        assert_eq!(cores(None, usable()).unwrap(), usable());
+        assert_eq!(cores(Some(1), usable()).unwrap(), [0, 2, 5, 1]);
+        let refused = cores(Some(3), usable()).unwrap_err().to_string();
+        assert!(refused.contains("--loop-core 3") && refused.contains("[0, 1, 2, 5]"));
+    }
+
+    #[test]
+    fn rate_and_early_waking_are_held_to_what_makes_sense() {
+        let robot = robot::load("shd17").unwrap();
+        assert_eq!(period_ns(1500.0, &robot).unwrap(), PERIOD_NS);
+        for rate_hz in [0.0, -1.0, f64::NAN, f64::INFINITY, 49.0] {
+            assert!(period_ns(rate_hz, &robot).is_err(), "{rate_hz}");
+        }
+        let early = |us| wake_early_ns(Duration::from_micros(us), PERIOD_NS);
+        assert_eq!(early(100).unwrap(), 100_000);
+        assert!(early(334).unwrap_err().to_string().contains("333 µs"));
+        assert!(cycles(Duration::from_micros(1), PERIOD_NS).is_err());
     }
 }

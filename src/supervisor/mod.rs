@@ -11,9 +11,10 @@ use std::os::unix::fs::MetadataExt;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use realtime::cores::{KeptOff, start_on};
 use realtime::process::{bind_to_parent, user_id};
 use shm_types::bus::{Bus, BusError, Reader};
-use shm_types::instance::{Instance, InstanceError, RunConfig};
+use shm_types::instance::{Instance, InstanceError, Mode, RunConfig};
 use shm_types::messages::{LastCycle, LoopStatus};
 use shm_types::roster::{self, Member};
 use shm_types::topics::{self, Role};
@@ -26,6 +27,8 @@ use operator::Operator;
 const START_PATIENCE: Duration = Duration::from_secs(10);
 /// A process silent for longer than this hangs, and is killed.
 const SILENCE_MAX: Duration = Duration::from_secs(2);
+/// The same in lockstep, where nobody is late: on a busy machine a process may get no core for seconds.
+const LOCKSTEP_SILENCE_MAX: Duration = Duration::from_secs(30);
 /// How long a process may take to end when asked to.
 const STOP_PATIENCE: Duration = Duration::from_secs(3);
 /// Between two looks at the processes.
@@ -94,6 +97,9 @@ pub struct Supervisor {
     last_cycles: LastCycles,
     restarts: Vec<Restart>,
     begun: Instant,
+    silence_max: Duration,
+    cores: Vec<usize>,
+    _kept_off: Option<KeptOff>,
     _lock: File,
 }
 
@@ -123,6 +129,16 @@ impl Supervisor {
             status,
             restarts: Vec::new(),
             begun: Instant::now(),
+            silence_max: match config.mode {
+                Mode::Realtime => SILENCE_MAX,
+                Mode::Lockstep => LOCKSTEP_SILENCE_MAX,
+            },
+            cores: config.cores.clone(),
+            // Two hundred looks a second at five processes would hold up the loop's wake-ups.
+            _kept_off: config
+                .core_of(Role::Loop)
+                .filter(|_| config.mode == Mode::Realtime)
+                .and_then(|core| KeptOff::core(core, &config.cores)),
             _lock: lock,
         };
         let services = Role::ALL.into_iter().filter(|role| match role {
@@ -167,7 +183,8 @@ impl Supervisor {
             what: role.name(),
             source,
         };
-        let process = spawn_process(&self.instance, role, &self.life_line).map_err(start_error)?;
+        let process = spawn_process(&self.instance, role, &self.life_line, &self.cores)
+            .map_err(start_error)?;
         let process_id = process.id();
         self.children.push(Child::new(role, process, heartbeat));
         writeln!(self.life_line, "{process_id}").map_err(start_error)?;
@@ -242,7 +259,10 @@ impl Supervisor {
                 None => {
                     // A loop that only starts is missed by nobody: the joints are braked.
                     let starts = child.role() == Role::Loop && !child.is_ready();
-                    let patience = if starts { START_PATIENCE } else { SILENCE_MAX };
+                    let patience = match starts {
+                        true => START_PATIENCE.max(self.silence_max),
+                        false => self.silence_max,
+                    };
                     if !child.is_silent(patience) {
                         continue;
                     }
@@ -432,6 +452,7 @@ fn spawn_process(
     instance: &Instance,
     role: Role,
     life_line: &PipeWriter,
+    cores: &[usize],
 ) -> std::io::Result<std::process::Child> {
     let mut command = Command::new(std::env::current_exe()?);
     command
@@ -440,5 +461,6 @@ fn spawn_process(
         .stdin(Stdio::from(life_line.try_clone()?))
         .stdout(Stdio::null());
     bind_to_parent(&mut command);
+    start_on(&mut command, cores.to_vec());
     command.spawn()
 }

@@ -73,6 +73,7 @@ impl Stage<'_> {
             period_ns: PERIOD_NS,
             cycles: (motion.duration_s * 1e9 / PERIOD_NS as f64) as u64,
             wait: Wait::Block,
+            wake_early_ns: 0,
             seed: self.seed,
             inject: None,
             record: None,

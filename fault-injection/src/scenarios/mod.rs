@@ -1,0 +1,132 @@
+//! The list of faults, and the state each has to end in.
+
+mod drives;
+mod operator;
+mod services;
+
+use rt_loop::cycle::Orders;
+use shm_types::messages::LoopState;
+
+use crate::Window;
+use crate::bench::orders;
+use crate::drive::DriveDisturbance;
+use crate::service::ServiceDisturbance;
+
+/// What comes from operator and supervisor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OrderDisturbance {
+    /// The operator presses the emergency stop.
+    EmergencyStop,
+    /// The operator resets.
+    Reset,
+    /// Nothing comes from the supervisor.
+    SupervisorSilent,
+}
+
+/// One fault, or several together.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    /// What a table calls it.
+    pub name: &'static str,
+    /// The state it has to end in.
+    pub end_state: LoopState,
+    /// How long it is run.
+    pub cycles: u64,
+    /// Between loop and drives.
+    pub drive: Vec<(Window, DriveDisturbance)>,
+    /// Between loop and controller.
+    pub service: Vec<(Window, ServiceDisturbance)>,
+    /// From operator and supervisor.
+    pub orders: Vec<(Window, OrderDisturbance)>,
+    /// A cycle after which the loop oversleeps so many periods.
+    pub overslept: Option<(u64, u64)>,
+}
+
+/// The arm has been moving for a second.
+const BEGIN: u64 = 1500;
+/// Of a fault that stays: longer than any scenario.
+const FOR_GOOD: u64 = u64::MAX;
+/// A second after the fault's begin: enough to see whether the run goes on.
+const SHORT_CYCLES: u64 = 3000;
+/// Holding, damping and a while.
+const LONG_CYCLES: u64 = BEGIN + 15 + 4500 + 500;
+
+fn window(cycles: u64) -> Window {
+    Window {
+        from: BEGIN,
+        cycles,
+        every: 1,
+    }
+}
+
+fn now_and_then(every: u64) -> Window {
+    Window {
+        from: BEGIN,
+        cycles: FOR_GOOD,
+        every,
+    }
+}
+
+impl Scenario {
+    fn new(name: &'static str, end_state: LoopState, cycles: u64) -> Self {
+        Self {
+            name,
+            end_state,
+            cycles,
+            drive: Vec::new(),
+            service: Vec::new(),
+            orders: Vec::new(),
+            overslept: None,
+        }
+    }
+
+    /// First cycle of the fault.
+    pub fn begin(&self) -> u64 {
+        BEGIN
+    }
+
+    pub(crate) fn orders_in(&self, cycle: u64) -> Orders {
+        let held = self.orders.iter().filter(|(window, _)| window.holds(cycle));
+        orders(held.map(|(_, disturbance)| *disturbance))
+    }
+
+    pub(crate) fn skipped_after(&self, cycle: u64) -> u64 {
+        match self.overslept {
+            Some((after, periods)) if after == cycle => periods,
+            _ => 0,
+        }
+    }
+}
+
+/// Every scenario, in the order of the table.
+pub fn all() -> Vec<Scenario> {
+    let mut all = vec![Scenario::new("none", LoopState::Running, SHORT_CYCLES)];
+    all.extend(drives::frames());
+    all.extend(drives::readings());
+    all.extend(services::commands());
+    all.extend(services::torques());
+    all.extend(operator::loop_and_operator());
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::Bench;
+
+    #[test]
+    fn every_fault_ends_in_its_documented_state_within_the_torque_limit() {
+        // The PA-10 has its turn in the fault suite of the command line.
+        let bench = Bench::new("shd17").expect("a shipped robot");
+        for scenario in all() {
+            let outcome = bench.run(&scenario).expect("runs");
+            let end_state = format!("{:?}", scenario.end_state);
+            assert_eq!(
+                outcome.end_state, end_state,
+                "{}: {outcome:?}",
+                scenario.name
+            );
+            assert!(outcome.torque_max <= 1.0, "{}: {outcome:?}", scenario.name);
+        }
+    }
+}
