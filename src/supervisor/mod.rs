@@ -112,10 +112,11 @@ impl Supervisor {
     /// [`SupervisorError`]; whatever was started is stopped again.
     pub fn start(instance: &Instance, config: &RunConfig) -> Result<Self, SupervisorError> {
         let lock = take_lock(instance)?;
+        // First of all: from here on nothing that is made is left, whenever this process is killed.
+        let (life_line, janitor) = start_janitor(instance, &lock)?;
         instance.wipe()?;
         instance.make_directory()?;
         instance.write_run_config(config)?;
-        let (life_line, janitor) = start_janitor(instance, &lock)?;
         let bus = Bus::join(instance)?;
         let status = bus.reader(&topics::OBSERVED_STATUS)?;
         let operator = Operator::open(&bus, config.session)?;
