@@ -29,6 +29,8 @@ const START_PATIENCE: Duration = Duration::from_secs(10);
 const SILENCE_MAX: Duration = Duration::from_secs(2);
 /// The same in lockstep, where nobody is late: on a busy machine a process may get no core for seconds.
 const LOCKSTEP_SILENCE_MAX: Duration = Duration::from_secs(30);
+/// For the loop in lockstep, which is silent for as long as one of the others is, and goes on once that one was started again.
+const LOCKSTEP_LOOP_SILENCE_MAX: Duration = Duration::from_secs(120);
 /// How long a process may take to end when asked to.
 const STOP_PATIENCE: Duration = Duration::from_secs(3);
 /// Between two looks at the processes.
@@ -97,7 +99,7 @@ pub struct Supervisor {
     last_cycles: LastCycles,
     restarts: Vec<Restart>,
     begun: Instant,
-    silence_max: Duration,
+    mode: Mode,
     cores: Vec<usize>,
     _kept_off: Option<KeptOff>,
     _lock: File,
@@ -110,10 +112,11 @@ impl Supervisor {
     /// [`SupervisorError`]; whatever was started is stopped again.
     pub fn start(instance: &Instance, config: &RunConfig) -> Result<Self, SupervisorError> {
         let lock = take_lock(instance)?;
+        // First of all: from here on nothing that is made is left, whenever this process is killed.
+        let (life_line, janitor) = start_janitor(instance, &lock)?;
         instance.wipe()?;
         instance.make_directory()?;
         instance.write_run_config(config)?;
-        let (life_line, janitor) = start_janitor(instance, &lock)?;
         let bus = Bus::join(instance)?;
         let status = bus.reader(&topics::OBSERVED_STATUS)?;
         let operator = Operator::open(&bus, config.session)?;
@@ -129,10 +132,7 @@ impl Supervisor {
             status,
             restarts: Vec::new(),
             begun: Instant::now(),
-            silence_max: match config.mode {
-                Mode::Realtime => SILENCE_MAX,
-                Mode::Lockstep => LOCKSTEP_SILENCE_MAX,
-            },
+            mode: config.mode,
             cores: config.cores.clone(),
             // Two hundred looks a second at five processes would hold up the loop's wake-ups.
             _kept_off: config
@@ -259,9 +259,10 @@ impl Supervisor {
                 None => {
                     // A loop that only starts is missed by nobody: the joints are braked.
                     let starts = child.role() == Role::Loop && !child.is_ready();
+                    let silence_max = silence_max(self.mode, child.role());
                     let patience = match starts {
-                        true => START_PATIENCE.max(self.silence_max),
-                        false => self.silence_max,
+                        true => START_PATIENCE.max(silence_max),
+                        false => silence_max,
                     };
                     if !child.is_silent(patience) {
                         continue;
@@ -357,6 +358,14 @@ impl Supervisor {
         } = self;
         drop((children, status, operator, last_cycles, bus, life_line));
         let _ = janitor.wait();
+    }
+}
+
+fn silence_max(mode: Mode, role: Role) -> Duration {
+    match (mode, role) {
+        (Mode::Realtime, _) => SILENCE_MAX,
+        (Mode::Lockstep, Role::Loop) => LOCKSTEP_LOOP_SILENCE_MAX,
+        (Mode::Lockstep, _) => LOCKSTEP_SILENCE_MAX,
     }
 }
 

@@ -35,6 +35,7 @@ struct Place {
     faulted_by: u32,
     missing: u64,
     moving: u64,
+    /// None, some, the last allowed, too many.
     acknowledged: u32,
     mode: u32,
     pressed: bool,
@@ -74,7 +75,12 @@ fn place(config: &CycleConfig, state: &CycleState) -> Place {
             .cycles_without_command
             .min(config.patience_cycles() + 1),
         moving: state.sending.moving_cycles().min(4),
-        acknowledged: state.acknowledgements.min(ACKNOWLEDGEMENTS_MAX + 1),
+        acknowledged: match state.acknowledgements {
+            0 => 0,
+            ACKNOWLEDGEMENTS_MAX => 2,
+            count if count < ACKNOWLEDGEMENTS_MAX => 1,
+            _ => 3,
+        },
         mode: state.sending.mode as u32,
         pressed: state.emergency_stop_pressed,
         ran_away: config.joints[0].has_run_away(motion),
@@ -221,8 +227,15 @@ fn every_order_of_events_keeps_the_joints_safe() {
             let output = step(&config, &mut after, cycle + 1, brought);
             check(&config, &state, brought, &after, &output);
             steps += 1;
-            if seen.insert(place(&config, &after)) {
-                ahead.push_back((after, cycle + 1));
+            // Between the first acknowledgement and the last allowed nothing changes: the last is tried with the first.
+            let mut last = after.clone();
+            if (1..ACKNOWLEDGEMENTS_MAX).contains(&after.acknowledgements) {
+                last.acknowledgements = ACKNOWLEDGEMENTS_MAX;
+            }
+            for next in [after, last] {
+                if seen.insert(place(&config, &next)) {
+                    ahead.push_back((next, cycle + 1));
+                }
             }
         }
     }
