@@ -283,6 +283,7 @@ mod tests {
             period_ns: 666_667,
             cycles: 1,
             wait: shm_types::instance::Wait::Block,
+            wake_early_ns: 0,
             seed: 1,
             inject: None,
             record: None,
