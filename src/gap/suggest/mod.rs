@@ -213,8 +213,12 @@ fn rehearsed(
             })
             .collect();
         let reference = experiment.reference(&seats, duration_s);
+        // beyond a limit between two waypoints, which a slower one keeps
+        let Ok(trajectory) = Trajectory::sampled(reference.clone(), robot) else {
+            continue;
+        };
         let course = Course {
-            trajectory: Trajectory::sampled(reference.clone(), robot).map_err(CliError::input)?,
+            trajectory,
             duration_s,
             seed: SEED,
         };
