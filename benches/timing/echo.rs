@@ -117,9 +117,10 @@ pub fn answer(name: &str, wait: &str) {
     });
     loop {
         let asked = end.hear();
-        let mut answer = Answer::default();
-        answer.header = asked.header;
-        end.send(answer);
+        end.send(Answer {
+            header: asked.header,
+            ..Answer::default()
+        });
     }
 }
 
