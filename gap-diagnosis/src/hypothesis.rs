@@ -22,6 +22,10 @@ const PAYLOAD_STEP_M: f64 = 0.1;
 const TILT_STEP_RAD: f64 = 0.005;
 const OFFSET_STEP_RAD: f64 = 0.002;
 const LAG_STEP_S: f64 = 5e-4;
+/// Friction that falls at lower speeds than this is part of how a joint begins to slip.
+const CREEPING_RAD_S: f64 = 0.0225;
+/// Quantile at which largest torques are compared: a few samples may be anything.
+const NEARLY_ALL: f64 = 0.999;
 /// A drive whose torque reaches this part of the largest command does not saturate.
 const SATURATED: f64 = 0.97;
 
@@ -62,9 +66,9 @@ impl Scale {
             values.sort_by(f64::total_cmp);
             values
         };
-        let largest = |column: &dyn Fn(&JointStretch) -> &[f64]| {
-            let values = stretches.iter().flat_map(|stretch| column(stretch));
-            values.map(|value| value.abs()).fold(0.0, f64::max)
+        let largest = |column: fn(&JointStretch) -> &[f64]| {
+            let values = all(column);
+            values[(NEARLY_ALL * (values.len() - 1) as f64) as usize]
         };
         let high = |values: &[f64]| values[(0.99 * (values.len() - 1) as f64) as usize];
         let torque_nm = high(&all(|stretch| &stretch.torque_nm));
@@ -81,8 +85,8 @@ impl Scale {
             may_saturate: stretches
                 .iter()
                 .all(|stretch| !stretch.has_torque_beside_command)
-                || largest(&|stretch| &stretch.torque_nm)
-                    < SATURATED * largest(&|stretch| &stretch.drive.command_nm),
+                || largest(|stretch| &stretch.torque_nm)
+                    < SATURATED * largest(|stretch| &stretch.drive.command_nm),
             inertia_kg_m2: model.rotor_inertia_kg_m2 + inertia[inertia.len() / 2],
             period_s: stretches[0].drive.period_s,
             motor_turns: motor_turns(model.gear_ratio, stretches),
@@ -171,11 +175,9 @@ pub fn plain(
     add("viscous_friction", Form::Viscous, &[]);
     add("quadratic_friction", Form::Quadratic, &[]);
     for part in [0.02, 0.06, 0.18] {
-        add(
-            "stribeck_friction",
-            Form::Stribeck,
-            &[part * scale.speed_rad_s],
-        );
+        let slowest_rad_s = CREEPING_RAD_S.min(0.1 * scale.speed_rad_s);
+        let velocity_rad_s = (part * scale.speed_rad_s).max(slowest_rad_s);
+        add("stribeck_friction", Form::Stribeck, &[velocity_rad_s]);
     }
     add("asymmetric_friction", Form::Asymmetric, &[]);
     add("load_dependent_friction", Form::LoadDependent, &[]);
@@ -207,9 +209,11 @@ pub fn plain(
             );
         }
     }
+    if has_command {
+        add("current_loop_lag", Form::Lag, &[]);
+    }
     if timing_is_open {
         if has_command {
-            add("current_loop_lag", Form::Lag, &[]);
             add("command_delay", Form::CommandDelay, &[]);
         }
         add("sensor_delay", Form::SensorDelay, &[]);
@@ -334,7 +338,11 @@ impl Hypothesis {
     /// Between which the shape is sought.
     pub fn shape_range(&self, scale: &Scale) -> [f64; 2] {
         match self.form {
-            Form::Stribeck => [0.003 * scale.speed_rad_s, 0.5 * scale.speed_rad_s],
+            // slower is creeping, which every joint does in its own way
+            Form::Stribeck => [
+                CREEPING_RAD_S.min(0.1 * scale.speed_rad_s),
+                0.5 * scale.speed_rad_s,
+            ],
             Form::Windup => [0.05 * scale.friction_nm, 5.0 * scale.friction_nm],
             Form::Hysteresis => [0.01 * scale.twist_rad(), 3.0 * scale.twist_rad()],
             Form::StructuralDamping => [0.2, 1.5],

@@ -73,7 +73,7 @@ pub fn families(twin: &JointTwin<'_>, residual_nm: &[f64]) -> Vec<Family> {
     all
 }
 
-/// The channels in which a torque shows that acts on the motor's side or on the link's.
+/// The channels in which a torque shows that acts on the motor's side, on the link's, or between command and drive.
 pub fn on_sides(family: &Family, rows: &[Row]) -> Vec<Family> {
     let motor_only = |column: &Vec<f64>| -> Vec<f64> {
         rows.iter()
@@ -106,7 +106,22 @@ pub fn on_sides(family: &Family, rows: &[Row]) -> Vec<Family> {
         columns: family.columns.iter().map(of).collect(),
         ..family.clone()
     };
+    let drive_only = |column: &Vec<f64>| -> Vec<f64> {
+        let values = rows.iter().zip(column);
+        values
+            .map(|(row, value)| {
+                if row.channel == Channel::Drive {
+                    *value
+                } else {
+                    0.0
+                }
+            })
+            .collect()
+    };
     let mut sides = vec![side(&motor_only)];
+    if rows.iter().any(|row| row.channel == Channel::Drive) {
+        sides.push(side(&drive_only));
+    }
     if has_link {
         sides.push(side(&behind_gear));
     }

@@ -378,10 +378,12 @@ impl State {
         step_s: f64,
     ) {
         let motor_angle_rad = self.motor_rad * model.gear_ratio;
+        // what repeats with the angle acts at that of the middle of the substep, or it comes late as the joint turns
+        let middle_rad = motor_angle_rad + 0.5 * step_s * self.motor_rad_s * model.gear_ratio;
         let shaft_nm = model.torque_gain * self.drive_nm
             + model.torque_offset_nm
             + self.holding_nm
-            + model.gear_ratio * sum(&model.torque_ripple, motor_angle_rad);
+            + model.gear_ratio * sum(&model.torque_ripple, middle_rad);
         let link = LinkLoad::at(model, load, k, share, self.link_rad);
         let level = |direction: Direction, load_nm: f64, speed_rad_s: f64| {
             let drift_nm = model.drift.map_or(0.0, |drift| drift.change_nm(time_s));
@@ -389,7 +391,7 @@ impl State {
                 speed_rad_s,
                 direction,
                 load_nm,
-                motor_position_rad: motor_angle_rad,
+                motor_position_rad: middle_rad,
             };
             (model.friction.level_nm(&at) + drift_nm).max(0.0)
         };
