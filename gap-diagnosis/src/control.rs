@@ -2,7 +2,7 @@
 //! ripple are compared at the same angles; and the robot file's controller, for what the robot would really do.
 
 use joint_model::filter::{Butterworth, FilterError};
-use robot::{Control, ControlKind, Robot};
+use robot::{Control, Robot};
 
 use crate::simulate::{Feedback, Way};
 
@@ -17,13 +17,8 @@ pub fn is_known(robot: &Robot) -> bool {
 }
 
 fn known(robot: &Robot) -> Option<&Control> {
-    robot.control.as_ref().filter(|control| {
-        // proportional and integral on velocity are derivative and proportional on position
-        matches!(
-            control.kind,
-            ControlKind::PdFeedforward | ControlKind::VelocityPi
-        )
-    })
+    // proportional and integral on velocity are derivative and proportional on position
+    robot.control.as_ref().filter(|control| control.is_closed())
 }
 
 /// The robot file's controller at a joint; none where it tells none, or one without feedback.

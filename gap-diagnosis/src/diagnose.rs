@@ -180,7 +180,7 @@ pub(crate) fn prepared(
         .enumerate()
         .map(|(index, joint)| {
             if looks_at(index) {
-                samples::find(tables, joint, delay_cycles(robot))
+                samples::find(tables, joint, robot.control.as_ref())
             } else {
                 Vec::new()
             }
@@ -221,13 +221,6 @@ pub(crate) fn blank_report(
 fn seconds(recording: &Recording) -> f64 {
     let ends = recording.time_s.last().zip(recording.time_s.first());
     ends.map_or(0.0, |(last, first)| last - first)
-}
-
-fn delay_cycles(robot: &Robot) -> usize {
-    robot
-        .control
-        .as_ref()
-        .map_or(1, |control| control.delay_cycles as usize)
 }
 
 /// Explains every joint; where several share a cause, explains them again beside it.

@@ -1,10 +1,11 @@
 //! What was found in the samples is taken out before anything is fitted: rows that were not measured anew are no
-//! measurement, and an encoder's steps are those it has.
+//! measurement, and an encoder's steps are those it has. What the file itself tells of the whole arm is put into its links.
 
 use recording::{JointColumns, Recording, Signal};
 use robot::{Effect, EncoderSide, Robot};
 
 use crate::samples::Found;
+use crate::twin::with_whole_arm;
 
 /// Signals that a lost sample repeats.
 const MEASURED: [Signal; 4] = [
@@ -64,9 +65,12 @@ fn blank_repeats(joint: &mut JointColumns) {
     }
 }
 
-/// The robot file with the encoder steps that were found.
+/// The robot file with the encoder steps that were found, and its payload and tilt as part of its links.
 pub fn robot(robot: &Robot, found: &[Vec<Found>]) -> Robot {
     let mut mended = robot.clone();
+    if let Some(chain) = with_whole_arm(&robot.chain, &robot.shared_effects) {
+        mended.chain = chain;
+    }
     for (joint, found) in mended.joints.iter_mut().zip(found) {
         for found in found {
             let Effect::EncoderQuantisation {

@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use recording::{JointColumns, Recording, Signal};
-use robot::{Effect, EncoderSide, RobotJoint};
+use robot::{Control, Effect, EncoderSide, RobotJoint};
 
 /// A position that stays although the joint should have moved by so many steps of its encoder was not measured.
 const STEPS_MOVED: f64 = 3.0;
@@ -39,8 +39,13 @@ pub struct Found {
     pub because: String,
 }
 
-/// What the samples of one joint show, over all recordings.
-pub fn find(recordings: &[&Recording], joint: &RobotJoint, delay_cycles: usize) -> Vec<Found> {
+/// What the samples of one joint show, over all recordings. Where the robot file tells of no feedback there is no
+/// velocity filter that could be slower than told.
+pub fn find(
+    recordings: &[&Recording],
+    joint: &RobotJoint,
+    control: Option<&Control>,
+) -> Vec<Found> {
     let columns: Vec<&JointColumns> = recordings
         .iter()
         .filter_map(|recording| recording.joint(&joint.name).ok())
@@ -52,6 +57,7 @@ pub fn find(recordings: &[&Recording], joint: &RobotJoint, delay_cycles: usize) 
     let lost = lost_samples(&columns, joint);
     // a torque that was not measured anew tells nothing of its command
     let response = response.filter(|_| lost.is_none());
+    let delay_cycles = control.map_or(1, |control| control.delay_cycles as usize);
     let drive = slow_drive(response.as_ref(), delay_cycles);
     let found = [
         lost,
@@ -70,7 +76,9 @@ pub fn find(recordings: &[&Recording], joint: &RobotJoint, delay_cycles: usize) 
             joint.link_encoder_resolution_rad,
             joint.position_noise_rad,
         ),
-        slow_velocity(&columns, rate_hz),
+        control
+            .filter(|control| control.is_closed())
+            .and_then(|_| slow_velocity(&columns, rate_hz)),
     ];
     found.into_iter().flatten().chain(drive).collect()
 }

@@ -266,14 +266,25 @@ impl<'a> JointTwin<'a> {
             model = model.with(effect);
         }
         let load = self.load(piece, changes);
-        let mut noise = seed.map(|seed| Sensors::new(seed, place));
-        let noise = noise.as_mut().map(|noise| noise as &mut dyn Noise);
-        simulate(&model, feedback, &piece.joint.drive, &load, noise)
+        let mut sensors = seed.map(|seed| Sensors::new(seed, place));
+        let noise = sensors.as_mut().map(|noise| noise as &mut dyn Noise);
+        let mut trace = simulate(&model, feedback, &piece.joint.drive, &load, noise);
+        // what holds the joint is told as the drive would report it: a drive that gives less reports more
+        for holding_nm in &mut trace.holding_nm {
+            *holding_nm /= model.torque_gain;
+        }
+        if let Some(mut sensors) = sensors.filter(|_| !piece.joint.has_command) {
+            // the reported torque drives the simulation, its noise and all: what holds the joint takes that off again
+            for holding_nm in &mut trace.holding_nm {
+                *holding_nm += model.gear_ratio * model.torque_noise_nm * sensors.normal();
+            }
+        }
+        trace
     }
 
     fn load(&self, piece: &Piece<'a>, changes: &Changes) -> Cow<'a, Load> {
         let mut load = Cow::Borrowed(&piece.joint.load);
-        if let Some(chain) = self.changed_chain(&changes.effects) {
+        if let Some(chain) = with_whole_arm(&self.robot.chain, &changes.effects) {
             load = Cow::Owned(piece.stretch.motion.load(&chain, self.joint));
         }
         for (change, deviations) in piece.masses.iter().zip(&changes.known) {
@@ -283,32 +294,31 @@ impl<'a> JointTwin<'a> {
         }
         load
     }
+}
 
-    /// The arm with payload and tilt; none where there is neither, or no such arm.
-    fn changed_chain(&self, effects: &[Effect]) -> Option<Chain> {
-        if !effects.iter().any(Effect::is_whole_arm) {
-            return None;
-        }
-        let mut links = self.robot.chain.links().to_vec();
-        let mut gravity_m_s2 = self.robot.chain.gravity_m_s2();
-        for effect in effects {
-            match *effect {
-                Effect::Payload { mass_kg, centre_m } => {
-                    links.last_mut()?.add_point_mass(mass_kg, centre_m.into());
-                }
-                Effect::BaseTilt {
-                    roll_rad,
-                    pitch_rad,
-                } => {
-                    let tilt =
-                        nalgebra::UnitQuaternion::from_euler_angles(roll_rad, pitch_rad, 0.0);
-                    gravity_m_s2 = tilt.inverse() * gravity_m_s2;
-                }
-                _ => {}
-            }
-        }
-        Chain::new(&links, gravity_m_s2, nalgebra::Isometry3::identity()).ok()
+/// The arm with the payloads and tilts among these effects; none where there are none, or no such arm.
+pub(crate) fn with_whole_arm(chain: &Chain, effects: &[Effect]) -> Option<Chain> {
+    if !effects.iter().any(Effect::is_whole_arm) {
+        return None;
     }
+    let mut links = chain.links().to_vec();
+    let mut gravity_m_s2 = chain.gravity_m_s2();
+    for effect in effects {
+        match *effect {
+            Effect::Payload { mass_kg, centre_m } => {
+                links.last_mut()?.add_point_mass(mass_kg, centre_m.into());
+            }
+            Effect::BaseTilt {
+                roll_rad,
+                pitch_rad,
+            } => {
+                let tilt = nalgebra::UnitQuaternion::from_euler_angles(roll_rad, pitch_rad, 0.0);
+                gravity_m_s2 = tilt.inverse() * gravity_m_s2;
+            }
+            _ => {}
+        }
+    }
+    Chain::new(&links, gravity_m_s2, nalgebra::Isometry3::identity()).ok()
 }
 
 impl<'a> Piece<'a> {

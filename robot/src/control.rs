@@ -74,6 +74,16 @@ pub struct Control {
     pub delay_cycles: u32,
 }
 
+impl Control {
+    /// Whether the law feeds the motion back and is known.
+    pub fn is_closed(&self) -> bool {
+        matches!(
+            self.kind,
+            ControlKind::PdFeedforward | ControlKind::VelocityPi
+        )
+    }
+}
+
 fn one() -> u32 {
     1
 }
