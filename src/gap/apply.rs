@@ -174,6 +174,10 @@ fn to_effect(found: &NamedEffect) -> Result<Effect, String> {
                 let point = fields
                     .entry(point.to_owned())
                     .or_insert_with(|| vec![0.0; 3].into());
+                if !point.is_array() {
+                    // beside its coordinates a point may be told by how far along z it is
+                    *point = vec![0.0; 3].into();
+                }
                 point[usize::from(axis.as_bytes()[0] - b'x')] = value;
             }
             _ => {
