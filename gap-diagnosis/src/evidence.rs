@@ -24,12 +24,14 @@ const AT_REVERSALS_ALWAYS: [&str; 3] = [
 ];
 /// What damping of the gear costs beside: below the band's limit it makes next to no torque.
 const DAMPING: f64 = 6.0;
+/// What an effect costs beside whose law the robot file has already, refitted: the twin's version of it is not the robot's.
+const IN_FILE: f64 = 40.0;
 /// Those that show elsewhere only to a second encoder or a torque sensor.
 const AT_REVERSALS_UNSEEN: [&str; 3] = ["torsional_compliance", "soft_windup", "backlash"];
 /// What torques of no named law are worth in a good twin: over velocity, acceleration and travel since a reversal its
 /// friction is another's law, over anything else it is as the robot.
-const TWINS_FRICTION: f64 = 60.0;
-const TWINS_REST: f64 = 40.0;
+const TWINS_FRICTION: f64 = 90.0;
+const TWINS_REST: f64 = 50.0;
 /// Part of what the named effects are worth that may be left in such torques: no law is exact.
 const INEXACT: f64 = 0.05;
 /// Left beyond this part, the named effects only imitate something else.
@@ -87,6 +89,12 @@ fn worth(ranking: &Ranking, scored: &Scored, gain: f64) -> f64 {
         0.0
     };
     let beside = beside + (ranking.joints as f64).ln();
+    let beside = beside
+        + if ranking.is_in_file(&scored.hypothesis) {
+            IN_FILE
+        } else {
+            0.0
+        };
     let nats = tempered_nats(gain - ranking.roughness, values) - beside;
     // a response that is no number explains nothing
     if nats.is_finite() { nats } else { NOTHING }

@@ -4,7 +4,7 @@ use joint_model::filter::FilterError;
 
 use crate::evidence::{Probability, Remains, Standings, remains, standings, unknown_probability};
 use crate::judge::Squares;
-use crate::rank::Round;
+use crate::rank::{ALIKE, Round};
 use crate::refine::Refined;
 use crate::search::{Model, Search, Term};
 
@@ -12,6 +12,8 @@ use crate::search::{Model, Search, Term};
 pub const EFFECTS_MAX: usize = 3;
 /// What is left below this part of the squared floor, known values fitted, is within the twin's own errors.
 const WITHIN_TWIN: f64 = 0.3;
+/// Below this part the twin's own errors may have any shape.
+const TWINS_SHAPE: f64 = 0.7;
 /// How often the effects that were added are looked at again.
 const SWEEPS: usize = 2;
 /// Effects that are fitted by simulation, not only by their linear response, before one is chosen.
@@ -24,8 +26,6 @@ const FURTHER_PART: f64 = 0.01;
 const FURTHER_MOST_NATS: f64 = 40.0;
 /// The same for one that repeats over the angle as an effect before does.
 const COMPANION_PART: f64 = 0.05;
-/// Cycles a turn that differ by less are the same.
-const ALIKE: f64 = 0.02;
 
 /// What explains a joint's residual.
 #[derive(Clone, Debug)]
@@ -364,7 +364,11 @@ impl Step {
         }
         let left: Vec<(usize, f64)> = refitted.iter().map(|(i, o, _)| (*i, *o)).collect();
         let base = best_base(search, &round, base, &refitted)?;
-        let structure = search.structure(&round, &base);
+        let structure = if is_beyond(search, &base.residual_nm, TWINS_SHAPE) {
+            search.structure(&round, &base)
+        } else {
+            Vec::new()
+        };
         let without = search.objective(&base.model, &base.residual_nm);
         standings.refit(&round.ranking, without, &left);
         let mut refitted: Vec<Refitted> = refitted

@@ -5,7 +5,6 @@ use recording::{JointColumns, Recording, Signal};
 use robot::{Effect, EncoderSide, Robot};
 
 use crate::samples::Found;
-use crate::twin::with_whole_arm;
 
 /// Signals that a lost sample repeats.
 const MEASURED: [Signal; 4] = [

@@ -18,6 +18,8 @@ use crate::shapes::{evidence_nats, families, on_sides};
 
 /// Hypotheses whose responses are found anew beside a model with effects.
 const ANEW: usize = 14;
+/// Cycles a turn that differ by less are the same.
+pub(crate) const ALIKE: f64 = 0.02;
 
 /// A hypothesis' standing.
 #[derive(Clone, Debug)]
@@ -64,10 +66,27 @@ pub struct Ranking {
     pub rows: usize,
     /// By how much squares change with nothing: a joint that sticks and slips is never simulated twice alike.
     pub roughness: f64,
+    /// Friction as the robot file has it falls at low speed.
+    pub file_falls: bool,
+    /// Cycles per motor turn at which the robot file has friction repeat.
+    pub file_cycles: Vec<f64>,
     /// Joints of the robot: among more of them something looks like an effect by chance.
     pub joints: usize,
     /// Whether a second encoder or a torque sensor shows how the gear twists.
     pub sees_torsion: bool,
+}
+
+impl Ranking {
+    /// Whether the robot file has a law like this already, which is refitted beside it.
+    pub fn is_in_file(&self, hypothesis: &Hypothesis) -> bool {
+        let cycles = hypothesis.shape.first().copied().unwrap_or(0.0);
+        let repeats = self
+            .file_cycles
+            .iter()
+            .any(|own| (cycles / own - 1.0).abs() < ALIKE);
+        hypothesis.is_periodic() && repeats
+            || hypothesis.effect == "stribeck_friction" && self.file_falls
+    }
 }
 
 impl Round {
@@ -242,6 +261,7 @@ impl Search<'_> {
             })
             .collect();
         scored.sort_by(|a, b| a.held_out.total().total_cmp(&b.held_out.total()));
+        let friction = &self.twin.nominal.friction;
         let ranking = Ranking {
             none,
             none_square: without.square,
@@ -250,6 +270,12 @@ impl Search<'_> {
             rows: blocks.rows(),
             roughness: 0.0,
             joints: self.twin.joints(),
+            file_falls: friction.curve.is_some() || !friction.stribeck.is_empty(),
+            file_cycles: friction
+                .periodic
+                .iter()
+                .map(|law| law.cycles_per_motor_rev)
+                .collect(),
             sees_torsion: [Channel::Torsion, Channel::Link]
                 .iter()
                 .any(|channel| self.twin.channels.contains(channel)),
