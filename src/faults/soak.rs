@@ -28,7 +28,7 @@ const CHECKPOINTS: u64 = 24;
 const END: Duration = Duration::from_secs(20);
 /// Between two looks at where the run is.
 const LOOK: Duration = Duration::from_millis(20);
-/// What a process may grow by between the second and the last look. The allocator takes memory from the kernel in pieces of
+/// What a process may grow by between a third of the looks and the last. The allocator takes memory from the kernel in pieces of
 /// 132 KiB, and a day of a leak of one byte a cycle would be 124 MiB.
 const GROWTH_MAX_KIB: u64 = 1024;
 /// What the recorder may grow by besides, per hour recorded: the index of a recording has an entry for each second of it.
@@ -202,9 +202,10 @@ impl SoakReport {
         findings
     }
 
-    /// From the second look on: by then everything has been used once.
+    /// From a third of the looks on: by then everything has been used, and buffers are as long as they get.
     fn growth(&self) -> Vec<String> {
-        let (Some(first), Some(last)) = (self.checkpoints.get(1), self.checkpoints.last()) else {
+        let warm = self.checkpoints.get(self.checkpoints.len() / 3);
+        let (Some(first), Some(last)) = (warm, self.checkpoints.last()) else {
             return Vec::new();
         };
         let hours = (last.cycle - first.cycle) as f64 * PERIOD_NS as f64 * 1e-9 / 3600.0;
