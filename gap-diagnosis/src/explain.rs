@@ -53,8 +53,6 @@ pub struct Step {
     pub base: Refined,
     /// What torques of no named law would be worth: over what, and nats.
     pub structure: Vec<(&'static str, f64)>,
-    /// Effects refitted by simulation, with the squares and strain that they leave.
-    pub left: Vec<(&'static str, f64)>,
     /// The leading effects, fitted by simulation, best first.
     refitted: Vec<Refitted>,
     /// What the best of them is worth.
@@ -91,15 +89,6 @@ impl Refitted {
 }
 
 impl Explanation {
-    /// Whether the data has a gap at all.
-    pub fn has_gap(&self) -> bool {
-        self.remains() != Remains::Nothing
-            || self
-                .rounds
-                .first()
-                .is_some_and(|step| step.probabilities[0].effect != "none")
-    }
-
     /// The step that added nothing more.
     pub fn last(&self) -> &Step {
         // an explanation has at least one step
@@ -381,16 +370,11 @@ impl Step {
             })
             .collect();
         refitted.sort_by(|a, b| b.nats.total_cmp(&a.nats));
-        let left = left
-            .into_iter()
-            .map(|(index, left)| (round.ranking.scored[index].hypothesis.effect, left))
-            .collect();
         Ok(Self {
             best_nats: refitted.first().map_or(0.0, |best| best.nats),
             gain: 0.0,
             base,
             structure,
-            left,
             probabilities: standings.probabilities(&round.ranking),
             standings,
             round,

@@ -32,8 +32,6 @@ pub struct Scored {
     pub amplitudes: Vec<f64>,
     /// Errors in blocks it was not fitted to.
     pub held_out: HeldOut,
-    /// Sum of squares that its fit to all rows leaves.
-    pub square: f64,
     /// Sum of squared deviations of what is known.
     pub strain: f64,
     /// Root mean square of what it adds to the motor's channel.
@@ -56,8 +54,6 @@ pub struct Round {
 pub struct Ranking {
     /// Without any of them.
     pub none: HeldOut,
-    /// Sum of squares that the fit to all rows leaves without any of them.
-    pub none_square: f64,
     /// Sum of squared deviations of what is known, without any of them.
     pub none_strain: f64,
     /// Best first.
@@ -253,7 +249,6 @@ impl Search<'_> {
                     hypothesis: hypothesis.clone(),
                     columns: place..place + count,
                     held_out: blocks.held_out(&chosen),
-                    square: fit.square,
                     strain: strain(model, &fit.coefficients[..known.len()]),
                     size_nm: self.size_nm(own, &amplitudes),
                     amplitudes,
@@ -264,7 +259,6 @@ impl Search<'_> {
         let friction = &self.twin.nominal.friction;
         let ranking = Ranking {
             none,
-            none_square: without.square,
             none_strain,
             scored,
             rows: blocks.rows(),

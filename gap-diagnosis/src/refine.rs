@@ -33,13 +33,6 @@ pub struct Refined {
     prior_means: Vec<f64>,
 }
 
-impl Refined {
-    /// Sum of squared deviations of what is known.
-    pub fn strain(&self) -> f64 {
-        self.model.known.iter().map(|z| z * z).sum()
-    }
-}
-
 impl Search<'_> {
     /// Fits known values, amplitudes and shapes of a model to all rows by Gauss-Newton steps.
     ///
