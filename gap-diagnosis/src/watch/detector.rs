@@ -49,9 +49,9 @@ impl Detector {
     /// Takes a hop's mean squared residual; `true` if it fires.
     pub fn add(&mut self, square: f64) -> bool {
         let deviations = (square.ln_1p() - self.mean) / self.deviation;
-        let step = (deviations - DRIFT).min(HOP_PART * self.threshold);
-        // a residual that is no number says nothing
-        if step.is_finite() {
+        // A residual that is no number says nothing. Asked before the least of both is taken, which lets NaN pass.
+        if !deviations.is_nan() {
+            let step = (deviations - DRIFT).min(HOP_PART * self.threshold);
             self.sum = (self.sum + step).max(0.0);
         }
         self.sum > self.threshold
