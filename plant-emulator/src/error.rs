@@ -5,12 +5,15 @@ use joint_model::rigid_body::ChainError;
 /// Why a plant cannot be built. In the cycle nothing fails: the drives have states, not errors.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlantError {
-    /// A plant file cannot be read or is not one.
+    /// A plant file is not one.
+    #[error(transparent)]
+    Text(#[from] robot::RobotError),
+    /// A plant file cannot be read.
     #[error("{file}: {reason}")]
     File {
         /// Which file.
         file: String,
-        /// What is wrong and where.
+        /// What the system says.
         reason: String,
     },
     /// A parameter is out of its range.

@@ -95,7 +95,7 @@ impl PlantParameters {
     /// that carries a shipped robot's name, the shipped one; otherwise [`PlantParameters::generic`].
     ///
     /// # Errors
-    /// [`PlantError::File`], [`PlantError::Parameter`] or [`PlantError::Joints`].
+    /// [`PlantError::File`], [`PlantError::Text`], [`PlantError::Parameter`] or [`PlantError::Joints`].
     pub fn for_robot(robot: &Robot) -> Result<Self, PlantError> {
         if let Source::File(path) = &robot.source {
             let beside = path.with_extension("plant.toml");
@@ -112,7 +112,7 @@ impl PlantParameters {
     /// Reads a plant file.
     ///
     /// # Errors
-    /// [`PlantError::File`], [`PlantError::Parameter`] or [`PlantError::Joints`].
+    /// [`PlantError::File`], [`PlantError::Text`], [`PlantError::Parameter`] or [`PlantError::Joints`].
     pub fn load(path: &Path, robot: &Robot) -> Result<Self, PlantError> {
         let file = path.display().to_string();
         let text = std::fs::read_to_string(path).map_err(|error| PlantError::File {
@@ -125,12 +125,9 @@ impl PlantParameters {
     /// The same from text; `file` is what errors call it.
     ///
     /// # Errors
-    /// [`PlantError::File`], [`PlantError::Parameter`] or [`PlantError::Joints`].
+    /// [`PlantError::File`], [`PlantError::Text`], [`PlantError::Parameter`] or [`PlantError::Joints`].
     pub fn parse(text: &str, file: &str, robot: &Robot) -> Result<Self, PlantError> {
-        let parameters: Self = toml::from_str(text).map_err(|error| PlantError::File {
-            file: file.to_owned(),
-            reason: error.to_string(),
-        })?;
+        let parameters: Self = robot::parse_toml(text, file)?;
         parameters.check(robot)?;
         Ok(parameters)
     }

@@ -230,8 +230,13 @@ pub enum MappingProblem {
     #[error("cannot be read: {0}")]
     Io(io::Error),
     /// Not TOML.
-    #[error("is not TOML: {0}")]
-    Toml(String),
+    #[error("is not TOML, line {line}: {what}")]
+    Toml {
+        /// From one on.
+        line: usize,
+        /// In the parser's words.
+        what: String,
+    },
     /// A key that means nothing here.
     #[error("unknown key `{key}`{}", did_you_mean(.nearest))]
     UnknownKey {

@@ -62,7 +62,10 @@ impl Mapping {
     fn parse(text: &str) -> Result<Self, MappingProblem> {
         let file: Table = text
             .parse()
-            .map_err(|error: toml::de::Error| MappingProblem::Toml(error.to_string()))?;
+            .map_err(|error: toml::de::Error| MappingProblem::Toml {
+                line: line_of(text, &error),
+                what: error.message().to_owned(),
+            })?;
         let mut mapping = Self::default();
         for (key, value) in &file {
             match key.as_str() {
@@ -195,6 +198,13 @@ fn problem(path: &Path, problem: MappingProblem) -> ReadProblem {
     }
 }
 
+/// Line of the text at which it stopped being TOML, from one on.
+fn line_of(text: &str, error: &toml::de::Error) -> usize {
+    let end = error.span().map_or(0, |span| span.start.min(text.len()));
+    let before = &text.as_bytes()[..end];
+    1 + before.iter().filter(|byte| **byte == b'\n').count()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -259,6 +269,6 @@ mod tests {
             refusal("[columns]\nsegment = { column = 's' }"),
             "`columns.segment` must be a column's name"
         );
-        assert!(refusal("[columns").starts_with("is not TOML: TOML parse error at line 1"));
+        assert!(refusal("\n[columns").starts_with("is not TOML, line 2: "));
     }
 }

@@ -2,8 +2,6 @@
 //!
 //! What needs a second user is tried where the tests run as root, and says so where they do not.
 
-mod support;
-
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::os::unix::fs::MetadataExt;
@@ -11,11 +9,11 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use crate::support::{Bench, eventually, for_everybody, kill, output, spawn, text};
 use realtime::process::user_id;
 use shm_types::bus::Bus;
 use shm_types::instance::Instance;
 use shm_types::topics;
-use support::{Bench, eventually, for_everybody, kill, output, spawn, text};
 use tempfile::TempDir;
 
 /// `nobody`: any number that is not ours would do.
@@ -137,7 +135,7 @@ fn keep_another_user_out(bench: &Bench, instance: &Instance) {
     let program = std::env::current_exe().expect("this program");
     let mut attach = Command::new(for_everybody(&program, &directory));
     attach
-        .args(["--exact", "an_intruder", "--ignored", "--nocapture"])
+        .args(["--exact", "access::an_intruder", "--ignored", "--nocapture"])
         .env(INSTANCE, instance.name())
         .env(OWNER, user_id().to_string());
     let tried = as_other_user(attach);
@@ -202,7 +200,7 @@ fn readers_that_crowd_never_read_or_crash_change_nothing() {
         command
             .args([
                 "--exact",
-                "a_reader_that_never_reads",
+                "access::a_reader_that_never_reads",
                 "--ignored",
                 "--nocapture",
             ])

@@ -1,16 +1,14 @@
 //! Third-party processes read the sample topic of a running instance; nobody else becomes its writer.
 
-mod support;
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::support::{Bench, eventually, kill, output, spawn, text};
 use shm_types::bus::Bus;
 use shm_types::instance::Instance;
 use shm_types::topics;
-use support::{Bench, eventually, kill, output, spawn, text};
 
-/// The example's executable: `cargo test` builds examples too, `cargo test --test observers` does not.
+/// The example's executable: `cargo test` builds examples too, `cargo test --test instances` does not.
 fn example(name: &str) -> PathBuf {
     let program = Path::new(env!("CARGO_BIN_EXE_flexspline"));
     program

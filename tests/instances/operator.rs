@@ -1,13 +1,11 @@
 //! An operator stops a running robot and lets it go on; what the loop did before the stop is kept.
 
-mod support;
-
+use crate::support::{Bench, eventually, spawn, text};
 use realtime::process::user_id;
 use shm_types::bus::{Bus, Writer};
 use shm_types::instance::Instance;
 use shm_types::messages::{LoopState, OperatorOrder, OperatorRequest};
 use shm_types::topics;
-use support::{Bench, eventually, spawn, text};
 
 fn order(writer: &mut Writer<OperatorRequest>, session: u64, order: OperatorOrder) {
     let sent = writer.send_and_prepare(OperatorRequest {

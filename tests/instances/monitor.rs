@@ -1,9 +1,7 @@
 //! `flexspline monitor` beside a running instance.
 
-mod support;
-
+use crate::support::{Bench, eventually, kill, output, spawn, text};
 use serde_json::Value;
-use support::{Bench, eventually, kill, output, spawn, text};
 
 fn once(bench: &Bench, arguments: &[&str]) -> std::process::Output {
     let mut monitor = bench.flexspline();
