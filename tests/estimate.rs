@@ -160,7 +160,11 @@ fn a_foreign_log_calibrates_what_it_has_signals_for() {
 fn both_commands_name_the_signal_that_a_log_lacks() {
     let bench = Bench::new("estimate-missing");
     type Command = fn(&Bench) -> Output;
-    let table: [(&str, Command, i32, &str); 8] = [
+    let calibrate_any: Command = |bench| {
+        let arguments = "calibrate --robot shd17 --recording log.csv --out new.toml";
+        estimate(bench, &arguments.split(' ').collect::<Vec<_>>())
+    };
+    let table: [(&str, Command, i32, &str); 9] = [
         ("motor_position_rad", calibrate, 2, "motor_position_rad"),
         ("motor_position_rad", compare, 2, "motor_position_rad"),
         (
@@ -188,6 +192,7 @@ fn both_commands_name_the_signal_that_a_log_lacks() {
             "residual: no estimate, needs motor_torque_nm",
         ),
         ("joint_torque_nm", calibrate, 2, "--reference gravity"),
+        ("joint_torque_nm", calibrate_any, 2, "--reference gravity"),
         ("joint_torque_nm", compare, 2, "joint_torque_nm"),
     ];
     for (missing, command, code, told) in table {

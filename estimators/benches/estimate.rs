@@ -35,6 +35,7 @@ fn parameters() -> EstimatorParameters {
             torsion_scale: 1.0,
             torque_scale: 1.0,
             zero_rad: 0.0,
+            torque_max_nm: 16.0,
             kinematic_error: kinematic_error.clone(),
         }),
         taghirad: Some(TaghiradParameters {

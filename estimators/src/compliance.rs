@@ -2,14 +2,14 @@
 //!
 //! SD eq (5): flexspline torsion is the measured one less the kinematic error and the wave generator's torsion,
 //! `Δθ_fs = Δθ - θ_ke - Δθ_wg/N`. Eq (7): `Δθ_wg = sign(T_wg)(1 - exp(-C_wg |T_wg|))/(C_wg N K_wg0)` from the motor torque
-//! `T_wg`. Eq (8): `T = S_2 tan(Δθ_fs C_fs K_fs0 S_1)/C_fs`; beyond 99 % of the tangent's pole the curve goes on as a straight
-//! line. The wave generator winds up behind the flexspline, so its torsion has the sign of the motor torque in our torsion.
+//! `T_wg`. Eq (8): `T = S_2 tan(Δθ_fs C_fs K_fs0 S_1)/C_fs`; beyond the largest torque of the calibration, and beyond 99 % of the
+//! tangent's pole, the curve goes on as a straight line: no data tell how near the pole is. The wave generator winds up behind the flexspline, so its torsion has the sign of the motor torque in our torsion.
 //!
 //! Of the six parameters `K_fs0` and `C_fs` are the makers', the others are calibrated. SD Table II: `K_fs0` = 8333 Nm/rad,
 //! `C_fs` = 0.089 (printed as Nm, it is 1/Nm), `K_wg0` = 1.33 Nm/rad, `C_wg` = 83.5 1/Nm, `S_1` = 0.001, `S_2` = 20: with these
 //! `S_1 S_2` only makes sense for torsions in degrees. Here torsions are in rad, and `S_1`, `S_2` near one.
-//! Limits: a static law, without the torsion's damping and hysteresis; noise of encoders and motor torque goes through
-//! unfiltered; at `T_wg` = 0 the wave generator's term has its steepest slope.
+//! Limits: a static law, without the torsion's damping and hysteresis; extrapolated straight beyond the calibration's torque;
+//! noise of encoders and motor torque goes through unfiltered; at `T_wg` = 0 the wave generator's term has its steepest slope.
 
 use joint_model::transmission::{ArctanCompliance, Spring};
 use robot::estimators::ComplianceParameters;
@@ -23,6 +23,10 @@ pub struct Compliance {
     spring: ArctanCompliance,
     torsion_scale: f64,
     torque_scale: f64,
+    /// `S_1 Δθ_fs` at the calibration's largest torque.
+    calibrated_rad: f64,
+    /// Slope of the spring there.
+    beyond_nm_rad: f64,
     zero_rad: f64,
     /// `C_wg`.
     wave_generator_per_nm: f64,
@@ -36,11 +40,15 @@ impl Compliance {
     /// An estimator with these parameters.
     pub fn new(parameters: &ComplianceParameters, gear_ratio: f64) -> Self {
         let wave_generator_per_nm = parameters.wave_generator_stiffening_per_nm;
+        let spring = ArctanCompliance {
+            stiffness_nm_rad: parameters.stiffness_nm_rad,
+            stiffening_per_nm: parameters.stiffening_per_nm,
+        };
+        let calibrated_rad = spring.torsion_rad(parameters.torque_max_nm / parameters.torque_scale);
         Self {
-            spring: ArctanCompliance {
-                stiffness_nm_rad: parameters.stiffness_nm_rad,
-                stiffening_per_nm: parameters.stiffening_per_nm,
-            },
+            calibrated_rad,
+            beyond_nm_rad: spring.stiffness_nm_rad(calibrated_rad),
+            spring,
             torsion_scale: parameters.torsion_scale,
             torque_scale: parameters.torque_scale,
             zero_rad: parameters.zero_rad,
@@ -59,6 +67,14 @@ impl Compliance {
         let rise = -(-self.wave_generator_per_nm * motor_torque_nm.abs()).exp_m1();
         (self.wave_generator_rad * rise).copysign(motor_torque_nm)
     }
+
+    /// Eq (8), and its tangent beyond what was calibrated.
+    fn flexspline_nm(&self, flexspline_rad: f64) -> f64 {
+        let scaled_rad = self.torsion_scale * flexspline_rad;
+        let inside_rad = scaled_rad.clamp(-self.calibrated_rad, self.calibrated_rad);
+        let beyond_nm = self.beyond_nm_rad * (scaled_rad - inside_rad);
+        self.torque_scale * (self.spring.torque_nm(inside_rad) + beyond_nm)
+    }
 }
 
 impl TorqueEstimator for Compliance {
@@ -70,9 +86,7 @@ impl TorqueEstimator for Compliance {
             .error_and_slope(sample.motor_position_rad);
         let flexspline_rad =
             torsion_rad - self.zero_rad - error_rad - self.wave_generator_rad(motor_torque_nm); // eq (5)
-        let torque_nm =
-            self.torque_scale * self.spring.torque_nm(self.torsion_scale * flexspline_rad); // eq (8)
-        Ok(Estimate::bare(torque_nm))
+        Ok(Estimate::bare(self.flexspline_nm(flexspline_rad)))
     }
 }
 
@@ -119,6 +133,33 @@ mod tests {
             };
             let found = estimator.estimate(&sample).unwrap().torque_nm;
             assert!((found - torque_nm).abs() < 1e-9, "{found} {torque_nm}");
+        }
+    }
+
+    #[test]
+    fn beyond_the_calibrated_torque_equation_8_goes_on_straight() {
+        let short = ComplianceParameters {
+            torsion_scale: 1.0,
+            torque_scale: 1.0,
+            zero_rad: 0.0,
+            torque_max_nm: 10.0,
+            ..parameters()
+        };
+        let mut estimator = Compliance::new(&short, 100.0);
+        // eq (6): 10 Nm twist by atan(0.89)/(0.089·8333); the slope of eq (8) there is 8333·(1 + 0.89²) = 14933.6 Nm/rad
+        let end_rad = 0.89_f64.atan() / (0.089 * 8333.0);
+        for (torsion_rad, expected_nm) in [
+            (end_rad, 10.0),
+            (end_rad + 1e-3, 24.9336),
+            // eq (8) itself has its pole at 2.118 mrad
+            (-end_rad - 1e-2, -159.336),
+        ] {
+            let sample = Sample {
+                motor_torque_nm: 0.0,
+                ..twisted(0, torsion_rad)
+            };
+            let found = estimator.estimate(&sample).unwrap().torque_nm;
+            assert!((found - expected_nm).abs() < 1e-3, "{found} {expected_nm}");
         }
     }
 

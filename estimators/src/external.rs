@@ -388,6 +388,27 @@ mod tests {
     }
 
     #[test]
+    fn the_link_by_hand() {
+        // about the joint: 0.03345 + 1.841·0.3717² = 0.28780 kg m², and 1.841·9.81·0.3717 = 6.7130 Nm of gravity
+        let gravity_nm = |rad: f64| 6.7130 * rad.sin();
+        // at 2 rad/s² from -0.3 rad on, while the gear carries 1.5 Nm too little of gravity; all 6.3 ms late
+        let position_rad = |time_s: f64| -0.3 + time_s * time_s;
+        let (mut observer, _) = observer();
+        for cycle in 0..900 {
+            let time_s = cycle as f64 * PERIOD_S;
+            let moving = Sample {
+                link_position_rad: position_rad(time_s),
+                ..sample(cycle)
+            };
+            let torque = Estimate::bare(gravity_nm(position_rad(time_s)) - 1.5);
+            if let Some(found) = observer.estimate(&[moving], &[Some(torque)])[0] {
+                let expected_nm = 0.28780 * 2.0 + 1.5;
+                assert!((found.torque_nm - expected_nm).abs() < 2e-3, "{found:?}");
+            }
+        }
+    }
+
+    #[test]
     fn the_threshold_follows_the_estimate_and_the_bodies_tolerance() {
         let (mut observer, robot) = observer();
         let mut found = None;

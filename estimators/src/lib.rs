@@ -164,6 +164,7 @@ mod testing {
             torsion_scale: 0.9,
             torque_scale: 1.1,
             zero_rad: 1e-5,
+            torque_max_nm: 16.0,
             kinematic_error: KinematicErrorTable::default(),
         }
     }

@@ -75,6 +75,8 @@ pub struct ComplianceParameters {
     pub torque_scale: f64,
     /// Torsion read without torque: where the encoders' zeros lie.
     pub zero_rad: f64,
+    /// Largest torque of the calibration: beyond it eq (8) goes on as a straight line.
+    pub torque_max_nm: f64,
     /// `θ_ke`.
     pub kinematic_error: KinematicErrorTable,
 }
@@ -250,6 +252,7 @@ impl ComplianceParameters {
             ),
             ("torsion_scale", self.torsion_scale),
             ("torque_scale", self.torque_scale),
+            ("torque_max_nm", self.torque_max_nm),
         ] {
             check::number(place, key, value, Must::BePositive)?;
         }

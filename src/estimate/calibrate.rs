@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use estimators::calibrate::{Calibration, Reference};
+use estimators::calibrate::{Calibration, Reference, WITHOUT_SENSOR};
 use recording::Signal;
 use robot::{EstimatorParameters, RobotFile, Source};
 use serde::Serialize;
@@ -44,8 +44,13 @@ pub fn calibrate(arguments: &CalibrateArguments) -> Result<(), CliError> {
         Reference::JointTorque => Signal::JointTorqueNm,
         Reference::Gravity => Signal::MotorPositionRad,
     };
-    let joints = chosen_joints(&robot, &recording, &arguments.joint, needed)
-        .map_err(|error| place(&error))?;
+    let joints = chosen_joints(&robot, &recording, &arguments.joint, needed).map_err(|error| {
+        let otherwise = match reference {
+            Reference::JointTorque => WITHOUT_SENSOR,
+            Reference::Gravity => "",
+        };
+        place(&format!("{error}{otherwise}"))
+    })?;
     let mut found = Vec::new();
     for joint in joints {
         let calibration = estimators::calibrate::calibrate(&recording, &robot, joint, reference)

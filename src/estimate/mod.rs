@@ -35,10 +35,12 @@ fn chosen_joints<'a>(
         let has = |joint: &&RobotJoint| recording.signal(&joint.name, needed).is_ok();
         let joints: Vec<&RobotJoint> = robot.joints.iter().filter(has).collect();
         if joints.is_empty() {
+            let recorded: Vec<&str> = recording.joint_names().collect();
             return Err(CliError::Input(format!(
-                "the recording has {needed} of no joint of robot `{}` ({})",
+                "the recording has {needed} of no joint of robot `{}` ({}); it has signals of {}",
                 robot.name,
-                robot.joint_names().join(", ")
+                robot.joint_names().join(", "),
+                recorded.join(", ")
             )));
         }
         return Ok(joints);

@@ -178,9 +178,6 @@ impl Bench<'_> {
         for (row, motion) in motion.iter().enumerate() {
             let wanted = rows.next_if(|wanted| **wanted == row).is_some();
             let Some(motion) = motion else {
-                if wanted {
-                    misses.push(0.0);
-                }
                 continue;
             };
             let (error_rad, slope) = error.error_and_slope(motion.motor_rad * ratio);

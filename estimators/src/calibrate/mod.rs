@@ -105,6 +105,8 @@ pub enum CalibrationError {
     Estimator(EstimatorError),
 }
 
+/// What to do where no torque was measured.
+pub const WITHOUT_SENSOR: &str = "; without a torque sensor calibrate with --reference gravity";
 /// The fewest rows with a reference: one second at 1.5 kHz.
 const ROWS_MIN: usize = 1500;
 /// Below this range of torque friction alone may be what the sensor saw.
@@ -144,12 +146,8 @@ pub fn calibrate(
     let log = JointLog::new(recording, robot, joint)
         .map_err(|missing| CalibrationError::Missing(missing, ""))?;
     if reference == Reference::JointTorque {
-        JointLog::need(recording, name, &[Signal::JointTorqueNm]).map_err(|missing| {
-            CalibrationError::Missing(
-                missing,
-                "; without a sensor calibrate with --reference gravity",
-            )
-        })?;
+        JointLog::need(recording, name, &[Signal::JointTorqueNm])
+            .map_err(|missing| CalibrationError::Missing(missing, WITHOUT_SENSOR))?;
     }
     JointLog::need(recording, name, &[Signal::MotorPositionRad])
         .map_err(|missing| CalibrationError::Missing(missing, "; every estimator needs it"))?;
@@ -299,14 +297,15 @@ impl<'a> Bench<'a> {
         })
     }
 
-    /// Errors of an estimator with memory at the fit's rows; no estimate is no error.
+    /// Errors of an estimator with memory at those of the fit's rows that it has its signals in.
     fn misses(&self, mut estimator: impl TorqueEstimator) -> Vec<f64> {
         let mut rows = self.rows.iter().peekable();
         let mut misses = Vec::with_capacity(self.rows.len());
         for (row, sample) in self.log.samples.iter().enumerate() {
             let estimate = estimator.estimate(sample);
-            if rows.next_if(|wanted| **wanted == row).is_some() {
-                misses.push(estimate.map_or(0.0, |found| found.torque_nm - self.reference_nm[row]));
+            let wanted = rows.next_if(|wanted| **wanted == row).is_some();
+            if let (true, Ok(found)) = (wanted, estimate) {
+                misses.push(found.torque_nm - self.reference_nm[row]);
             }
         }
         misses
@@ -315,10 +314,10 @@ impl<'a> Bench<'a> {
     /// The same for an estimator without memory.
     fn static_misses(&self, mut estimator: impl TorqueEstimator) -> Vec<f64> {
         let miss = |row: &usize| {
-            let estimate = estimator.estimate(&self.log.samples[*row]);
-            estimate.map_or(0.0, |found| found.torque_nm - self.reference_nm[*row])
+            let estimate = estimator.estimate(&self.log.samples[*row]).ok()?;
+            Some(estimate.torque_nm - self.reference_nm[*row])
         };
-        self.rows.iter().map(miss).collect()
+        self.rows.iter().filter_map(miss).collect()
     }
 
     /// Torsion at the fit's rows.

@@ -140,6 +140,8 @@ impl Bench<'_> {
                 .iter()
                 .map(|row| self.log.samples[*row].motor_torque_nm),
         );
+        let reference_nm = self.rows.iter().map(|row| self.reference_nm[*row].abs());
+        let torque_max_nm = reference_nm.fold(0.0, f64::max);
         let squared = self.joint.gear_ratio.powi(2);
         let mut parameters = vec![
             parameter(
@@ -169,6 +171,7 @@ impl Bench<'_> {
             torsion_scale: values[2],
             torque_scale: values[3],
             zero_rad: values[4],
+            torque_max_nm,
             kinematic_error: kinematic_error(&values[5..]),
         };
         let solution = fit(&parameters, STARTS_LINEAR, &|values| {

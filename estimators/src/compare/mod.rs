@@ -44,7 +44,7 @@ pub struct Score {
     pub reversals: Option<Errors>,
     /// All rows.
     pub all: Option<Errors>,
-    /// How far behind the reference, by the largest correlation in motion.
+    /// How far behind the reference, by the largest correlation in motion, if that lies within -10 to 40 ms at 1.5 kHz.
     pub delay_ms: Option<f64>,
     /// Sample to sample, while the joint stands.
     pub noise_nm: Option<f64>,

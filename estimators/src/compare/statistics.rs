@@ -83,7 +83,8 @@ pub(super) fn noise(values: &[f64], rows: &[usize]) -> Option<f64> {
     (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
 }
 
-/// Rows by which `values` lag behind `reference`, where they are most alike, to a fraction of a row.
+/// Rows by which `values` lag behind `reference`, where they are most alike, to a fraction of a row; none if they become more
+/// alike up to the end of the search.
 pub(super) fn lag_rows(values: &[f64], reference: &[f64], rows: &[usize]) -> Option<f64> {
     const LAGS: std::ops::RangeInclusive<i64> = -15..=60;
     let alike: Vec<f64> = LAGS
@@ -91,12 +92,7 @@ pub(super) fn lag_rows(values: &[f64], reference: &[f64], rows: &[usize]) -> Opt
         .collect::<Option<_>>()?;
     let best = (0..alike.len()).max_by(|a, b| alike[*a].total_cmp(&alike[*b]))?;
     let whole = (best as i64 + LAGS.start()) as f64;
-    let (Some(before), Some(after)) = (
-        best.checked_sub(1).map(|before| alike[before]),
-        alike.get(best + 1),
-    ) else {
-        return Some(whole);
-    };
+    let (before, after) = (alike[best.checked_sub(1)?], alike.get(best + 1)?);
     // the top of the parabola through three points
     let bend = before - 2.0 * alike[best] + after;
     Some(if bend < 0.0 {
@@ -157,6 +153,8 @@ mod tests {
         let rows: Vec<usize> = (100..3900).collect();
         let lag = lag_rows(&values, &reference, &rows).unwrap();
         assert!((lag - 7.3).abs() < 0.05, "{lag}");
+        let late: Vec<f64> = (0..4000).map(|row| wave(f64::from(row) - 70.0)).collect();
+        assert_eq!(lag_rows(&late, &reference, &rows), None);
     }
 
     #[test]

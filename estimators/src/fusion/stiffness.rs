@@ -230,6 +230,26 @@ mod tests {
     }
 
     #[test]
+    fn one_span_by_hand() {
+        // 14 Nm of the drive at 1 rad/s, through a gear at 10 Nm and calibrated friction of 2 + 1 Nm: 1 Nm is left.
+        // Its row is (10, 1, 1, 10, 1), the prior 0.01, 1, 4, 0.01, 0.25: of k's own 1 Nm² and 6.25 Nm² of the others'.
+        // Left over at first 0.25 + 0.01 (1 - 0.25) = 0.2575 Nm², alike for 30 spans: 7.725. k gains 0.01·10/(7.25 + 7.725).
+        let mut stiffness = calibrated();
+        for _ in 0..=SPAN_SAMPLES {
+            stiffness.take(Moment {
+                motor_rad_s: 1.0,
+                drive_nm: 14.0,
+                gear_nm: 10.0,
+            });
+        }
+        let expected = 1.0 + 0.1 / 14.975;
+        assert!((stiffness.factor() - expected).abs() < 1e-6);
+        // and its variance falls by 0.1²/14.975
+        let expected = 0.01 - 0.01 / 14.975;
+        assert!((stiffness.variance() - expected).abs() < 1e-6);
+    }
+
+    #[test]
     fn at_rest_and_creeping_nothing_is_learned() {
         let mut stiffness = calibrated();
         for _ in 0..15_000 {

@@ -24,6 +24,66 @@ fn held(cycle: u64, torsion_rad: f64) -> Sample {
 }
 
 #[test]
+fn the_equations_of_motion_by_hand() {
+    // θ_ke = 1e-4 cos θ_m at a quarter turn: nothing, and falling by 1e-4 per rad of the motor, so λ = 1 + 100·1e-4 = 1.01
+    let skewed = FusionParameters {
+        kinematic_error: robot::estimators::KinematicErrorTable {
+            cosine_rad: vec![1e-4],
+            sine_rad: vec![0.0],
+        },
+        ..parameters()
+    };
+    let constants = Fusion::new(&skewed, &joint(), PERIOD_S).unwrap().constants;
+    let motor_rad = 0.5 * std::f64::consts::PI / 100.0;
+    let state = [motor_rad, 0.5, motor_rad - 3e-4, 0.4, 0.2, -0.3];
+    let forces = Forces {
+        drive_nm: 6.0,
+        load_nm: 1.9,
+        stiffness: 1.1,
+    };
+    let found = constants.accelerations(&state, &Plays::default(), forces);
+    // springs 5000·3e-4 + 3000·1e-4, play 1000·1e-4: 1.9 Nm; T = 1.1·1.9 + 1·(1.01·0.5 - 0.4) = 2.195 Nm
+    assert!((found.gear.torque_nm - 2.195).abs() < 1e-9);
+    // (6 - 2 of Coulomb - 1·0.5 - 0.2 - 1.01·2.195)/0.114 and (2.195 - 1.9 - 0.3)/0.29
+    assert!((found.motor_rad_s2 - 1.08305 / 0.114).abs() < 1e-9);
+    assert!((found.link_rad_s2 + 0.005 / 0.29).abs() < 1e-9);
+}
+
+#[test]
+fn the_filters_slopes_are_the_derivatives_of_its_equations() {
+    let constants = fusion().constants;
+    let plays = Plays::default();
+    let forces = Forces {
+        drive_nm: 6.0,
+        load_nm: 1.9,
+        stiffness: 1.1,
+    };
+    // slow, so that friction's slope counts too; within the play and between the knees
+    for state in [
+        [0.5, 0.01, 0.5 - 5e-5, 0.02, 0.2, -0.3],
+        [0.5, -0.02, 0.5 + 3e-4, 0.0, 0.0, 1.0],
+    ] {
+        let at = constants.accelerations(&state, &plays, forces);
+        let rows = [constants.motor_row(&at), constants.link_row(&at)];
+        for place in 0..STATES {
+            let step = 1e-8;
+            let moved = |by: f64| {
+                let mut state = state;
+                state[place] += by;
+                let at = constants.accelerations(&state, &plays, forces);
+                [at.motor_rad_s2, at.link_rad_s2]
+            };
+            let (before, after) = (moved(-step), moved(step));
+            for side in 0..2 {
+                let slope = (after[side] - before[side]) / (2.0 * step);
+                let miss = (slope - rows[side][place]).abs();
+                assert!(miss < 1e-4 * (1.0 + slope.abs()), "{side} {place} {slope}");
+            }
+        }
+    }
+}
+
+#[test]
 fn a_held_torsion_reads_as_the_law_says_for_as_long_as_it_is_held() {
     let mut fusion = fusion();
     let mut last = Estimate::bare(0.0);
