@@ -99,8 +99,7 @@ pub struct Supervisor {
     last_cycles: LastCycles,
     restarts: Vec<Restart>,
     begun: Instant,
-    mode: Mode,
-    cores: Vec<usize>,
+    config: RunConfig,
     _kept_off: Option<KeptOff>,
     _lock: File,
 }
@@ -132,8 +131,7 @@ impl Supervisor {
             status,
             restarts: Vec::new(),
             begun: Instant::now(),
-            mode: config.mode,
-            cores: config.cores.clone(),
+            config: config.clone(),
             // Two hundred looks a second at five processes would hold up the loop's wake-ups.
             _kept_off: config
                 .core_of(Role::Loop)
@@ -183,8 +181,9 @@ impl Supervisor {
             what: role.name(),
             source,
         };
-        let process = spawn_process(&self.instance, role, &self.life_line, &self.cores)
-            .map_err(start_error)?;
+        let cores = self.config.start_cores(role);
+        let process =
+            spawn_process(&self.instance, role, &self.life_line, cores).map_err(start_error)?;
         let process_id = process.id();
         self.children.push(Child::new(role, process, heartbeat));
         writeln!(self.life_line, "{process_id}").map_err(start_error)?;
@@ -259,7 +258,7 @@ impl Supervisor {
                 None => {
                     // A loop that only starts is missed by nobody: the joints are braked.
                     let starts = child.role() == Role::Loop && !child.is_ready();
-                    let silence_max = silence_max(self.mode, child.role());
+                    let silence_max = silence_max(self.config.mode, child.role());
                     let patience = match starts {
                         true => START_PATIENCE.max(silence_max),
                         false => silence_max,
