@@ -121,10 +121,12 @@ pub struct RunArguments {
     /// How loop and services wait for each other: sleeping, or spinning on cores of their own
     #[arg(long, value_enum, default_value_t = WaitArgument::Block)]
     pub wait: WaitArgument,
-    /// Cycles a second
-    #[arg(long, default_value_t = 1500.0, value_name = "HZ")]
-    pub rate: f64,
+    /// Cycles a second; control.rate_hz of the robot file if not given, 1500 where it has no [control]
+    #[arg(long, value_name = "HZ")]
+    pub rate: Option<f64>,
     /// Core that the loop has to itself; the last one if not given
+    ///
+    /// In lockstep the core that loop, services and emulator share: the one that is free at the start if not given.
     #[arg(long, value_name = "N")]
     pub loop_core: Option<usize>,
     /// Wake the loop so long before each cycle and watch the clock until its instant; 100us where no time is given

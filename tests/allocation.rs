@@ -132,7 +132,7 @@ fn heap_calls_of_a_run() -> u64 {
     let heap_calls: Arc<[AtomicU64; 2]> = Arc::default();
     let bus = Bus::join(&instance).expect("ours");
     let driver = WatchedDriver {
-        driver: EmulatorDriver::open(&bus, run.session).expect("the first loop"),
+        driver: EmulatorDriver::open(&bus, &run).expect("the first loop"),
         heap_calls: Arc::clone(&heap_calls),
     };
     let config = rt_loop::config::cycle_config(&run, &robot);

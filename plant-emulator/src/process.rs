@@ -20,7 +20,7 @@ use crate::{Plant, PlantError, PlantParameters};
 const FIFO_PRIORITY: u8 = 70;
 /// Sleeps at most this long: a heartbeat comes at least this often.
 const BEAT_NS: u64 = 100_000_000;
-/// How late a command is taken in lockstep whose wake-up was lost.
+/// How late the loop's first command is taken if its wake-up was lost.
 const RECHECK_NS: u64 = 1_000_000;
 
 /// Why the emulator cannot work.
@@ -60,7 +60,7 @@ pub fn run(instance: &Instance, stop: &AtomicBool) -> Result<(), EmulatorError> 
         joint_count: robot.joints.len(),
         drives: EmulatedDrives::new(plant, run.session, robot.joints.len()),
         command: bus.reader(&topics::DRIVE_COMMAND)?,
-        command_ready: bus.listener(&topics::DRIVE_COMMAND_READY, RECHECK_NS)?,
+        command_ready: bus.listener(&topics::DRIVE_COMMAND_READY, run.recheck_ns(RECHECK_NS))?,
         sample: bus.writer(&topics::DRIVE_SAMPLE)?,
         sample_ready: bus.notifier(&topics::DRIVE_SAMPLE_READY)?,
         truth: bus.writer(&topics::PLANT_TRUTH)?,

@@ -13,6 +13,12 @@ pub fn usable_cores() -> Vec<usize> {
         .collect()
 }
 
+/// The core the calling thread is on at the moment.
+pub fn current_core() -> Option<usize> {
+    // SAFETY: takes nothing and returns a number.
+    usize::try_from(unsafe { libc::sched_getcpu() }).ok()
+}
+
 /// Keeps the calling thread, and what it starts, on `cores`.
 ///
 /// # Errors

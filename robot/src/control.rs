@@ -47,7 +47,7 @@ pub enum Feedforward {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Control {
-    /// Cycles per second.
+    /// Cycles per second, of the recorded controller and of a run that is not told another rate.
     pub rate_hz: f64,
     /// The control law.
     pub kind: ControlKind,

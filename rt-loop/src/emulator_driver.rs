@@ -2,6 +2,7 @@
 
 use realtime::clock::monotonic_ns;
 use shm_types::bus::{Bus, BusError, Listener, Notifier, Reader, Writer};
+use shm_types::instance::RunConfig;
 use shm_types::messages::{DriveCommand, DriveSample};
 use shm_types::topics;
 
@@ -32,11 +33,11 @@ impl std::fmt::Debug for CommandWriter {
 }
 
 impl EmulatorDriver {
-    /// Opens the drive's topics for the run `session`.
+    /// Opens the drive's topics for `run`.
     ///
     /// # Errors
     /// [`BusError`], also when another loop commands this drive.
-    pub fn open(bus: &Bus, session: u64) -> Result<Self, BusError> {
+    pub fn open(bus: &Bus, run: &RunConfig) -> Result<Self, BusError> {
         let command = bus.writer(&topics::DRIVE_COMMAND)?;
         let command_ready = bus.notifier(&topics::DRIVE_COMMAND_READY)?;
         let sample = bus.reader(&topics::DRIVE_SAMPLE)?;
@@ -44,11 +45,11 @@ impl EmulatorDriver {
         command.greet_new_readers();
         command_ready.notify();
         Ok(Self {
-            session,
+            session: run.session,
             command: CommandWriter(command),
             command_ready,
             sample,
-            sample_ready: bus.listener(&topics::DRIVE_SAMPLE_READY, RECHECK_NS)?,
+            sample_ready: bus.listener(&topics::DRIVE_SAMPLE_READY, run.recheck_ns(RECHECK_NS))?,
             newest: None,
         })
     }

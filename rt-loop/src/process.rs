@@ -73,7 +73,7 @@ pub fn run(instance: &Instance, stop: &AtomicBool) -> Result<(), LoopError> {
     let robot = robot::load(&run.robot)?;
     let bus = Bus::join(instance)?;
     let driver = match run.driver.as_str() {
-        "emulator" => EmulatorDriver::open(&bus, run.session)?,
+        "emulator" => EmulatorDriver::open(&bus, &run)?,
         name => {
             return Err(LoopError::UnknownDriver {
                 name: name.to_owned(),
@@ -132,9 +132,10 @@ struct Loop<D> {
 
 impl<D: Driver> Loop<D> {
     fn new(bus: &Bus, driver: D, run: RunConfig, config: CycleConfig) -> Result<Self, BusError> {
+        let recheck_ns = run.recheck_ns(RECHECK_NS);
         let lockstep = match run.mode {
             Mode::Realtime => None,
-            Mode::Lockstep => Some(LockstepPeers::open(bus, RECHECK_NS)?),
+            Mode::Lockstep => Some(LockstepPeers::open(bus, recheck_ns)?),
         };
         // In lockstep nobody has a clock that the supervisor could miss.
         let silence_cycles_max = match run.mode {
@@ -154,7 +155,7 @@ impl<D: Driver> Loop<D> {
             sample: bus.writer(&topics::SENSOR_SAMPLE)?,
             sample_ready: bus.notifier(&topics::SENSOR_SAMPLE_READY)?,
             command: bus.reader(&topics::COMMAND)?,
-            command_ready: bus.listener(&topics::COMMAND_READY, RECHECK_NS)?,
+            command_ready: bus.listener(&topics::COMMAND_READY, recheck_ns)?,
             status: bus.writer(&topics::LOOP_STATUS)?,
             heartbeat: bus.writer(&Role::Loop.heartbeat())?,
             lockstep,

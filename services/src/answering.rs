@@ -44,7 +44,7 @@ pub fn serve<T: Message>(
     stop: &AtomicBool,
 ) -> Result<(), BusError> {
     let samples = bus.reader(&topics::SENSOR_SAMPLE)?;
-    let sample_ready = bus.listener(&topics::SENSOR_SAMPLE_READY, RECHECK_NS)?;
+    let sample_ready = bus.listener(&topics::SENSOR_SAMPLE_READY, run.recheck_ns(RECHECK_NS))?;
     let mut writer = take_over(bus, &service.topic)?;
     let answer_ready = match &service.ready {
         Some(signal) => Some(bus.notifier(signal)?),

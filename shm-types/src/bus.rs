@@ -203,6 +203,8 @@ impl Bus {
             .max_nodes(32)
             .max_notifiers(4)
             .max_listeners(4)
+            // A signal says one thing. The middleware looks through all the events there may be at every wake-up: 256 if not told.
+            .event_id_max_value(0)
             .open_or_create()
             .map_err(|error| error.to_string())
     }

@@ -189,7 +189,11 @@ impl fmt::Display for KillReport {
             self.files_before,
             self.files_after,
             self.left_behind.len()
-        )
+        )?;
+        match self.survived() {
+            true => Ok(()),
+            false => write!(f, "\n  {}", self.said),
+        }
     }
 }
 

@@ -12,6 +12,7 @@ use shm_types::instance::Instance;
 use shm_types::topics::Role;
 
 use crate::error::CliError;
+use crate::run::PERIOD_NS;
 
 /// Anything that is to come comes within this.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -82,6 +83,9 @@ impl Subject {
         command
             .args(["run", "--robot", robot, "--instance", &name, "--duration"])
             .arg(format!("{}ms", duration.as_millis()))
+            // Cycles are counted and told in periods of this length, whatever the robot file says.
+            .arg("--rate")
+            .arg((1e9 / PERIOD_NS as f64).to_string())
             .arg("--record")
             .arg(setting.record.unwrap_or(&recording))
             .args([

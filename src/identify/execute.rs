@@ -295,7 +295,7 @@ impl<'a> Rig<'a> {
         let unfinished = Unfinished::new(&self.new_recording_path(experiment))?;
         let trajectory = self.write_trajectory(experiment)?;
         let arguments = RunArguments {
-            rate: 1e9 / run::PERIOD_NS as f64,
+            rate: Some(1e9 / run::PERIOD_NS as f64),
             loop_core: None,
             wake_early: Duration::ZERO,
             robot: self.arguments.robot.clone(),

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use motion::Trajectory;
-use realtime::cores::usable_cores;
+use realtime::cores::{current_core, usable_cores};
 use realtime::process::user_id;
 use robot::Robot;
 use rt_loop::report::{LOOP_REPORT_FILE, LoopReport};
@@ -178,6 +178,12 @@ impl Plan {
         let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
         let period_ns = period_ns(arguments.rate, &robot)?;
         let cycles = cycles(arguments.duration, period_ns)?;
+        let mode = arguments.mode.into();
+        let loop_core = match mode {
+            Mode::Realtime => arguments.loop_core,
+            // Every process is on the loop's core then: the one the kernel found free for this process, not always the last.
+            Mode::Lockstep => arguments.loop_core.or_else(current_core),
+        };
         let wake_early_ns = wake_early_ns(arguments.wake_early, period_ns)?;
         let trajectory = match &arguments.trajectory {
             Some(name) => name.clone(),
@@ -197,7 +203,7 @@ impl Plan {
         if let Some(plant) = &plant {
             check_plant(plant, &robot)?;
         }
-        check_estimators(&robot, &arguments.estimators)?;
+        check_estimators(&robot, &arguments.estimators, period_ns)?;
         let record = recording_path(arguments, &robot.name, &trajectory)?;
         let config = RunConfig {
             session: new_session(),
@@ -208,7 +214,7 @@ impl Plan {
             control: arguments.control.into(),
             options: control_options(arguments),
             estimators: arguments.estimators.clone(),
-            mode: arguments.mode.into(),
+            mode,
             period_ns,
             cycles,
             wait: arguments.wait.into(),
@@ -217,7 +223,7 @@ impl Plan {
             inject: arguments.inject.as_deref().map(absolute),
             record: Some(record),
             command_deadline_ns: period_ns * COMMAND_DEADLINE_PERCENT / 100,
-            cores: cores(arguments.loop_core, usable_cores())?,
+            cores: cores(loop_core, usable_cores())?,
             initial_position_rad: start.position_rad[..robot.joints.len()].to_vec(),
         };
         check_control(&config, robot.clone(), loaded)?;
@@ -229,21 +235,25 @@ impl Plan {
     }
 }
 
-fn period_ns(rate_hz: f64, robot: &Robot) -> Result<u64, CliError> {
+/// What was asked for, or the rate for which the robot file's gains are made.
+fn period_ns(asked_hz: Option<f64>, robot: &Robot) -> Result<u64, CliError> {
+    let control = robot.control.as_ref();
+    let (place, rate_hz) = match (asked_hz, control) {
+        (Some(asked_hz), _) => ("--rate", asked_hz),
+        (None, Some(control)) => ("control.rate_hz of the robot file,", control.rate_hz),
+        (None, None) => return Ok(PERIOD_NS),
+    };
     if !RATE_HZ.contains(&rate_hz) {
         return Err(CliError::Input(format!(
-            "--rate {rate_hz}: must be {} to {} cycles a second",
+            "{place} {rate_hz}: must be {} to {} cycles a second",
             RATE_HZ.start(),
             RATE_HZ.end()
         )));
     }
-    let filter_hz = robot
-        .control
-        .as_ref()
-        .map_or(0.0, |control| control.velocity_filter_hz);
+    let filter_hz = control.map_or(0.0, |control| control.velocity_filter_hz);
     if filter_hz >= rate_hz / 2.0 {
         return Err(CliError::Input(format!(
-            "--rate {rate_hz}: must be more than twice the robot's velocity_filter_hz = {filter_hz}"
+            "{place} {rate_hz}: must be more than twice the robot's velocity_filter_hz = {filter_hz}"
         )));
     }
     Ok((1e9 / rate_hz).round() as u64)
@@ -298,8 +308,8 @@ fn control_options(arguments: &RunArguments) -> ControlOptions {
 }
 
 /// What the estimator's process would stop over.
-fn check_estimators(robot: &Robot, names: &[String]) -> Result<(), CliError> {
-    match Estimators::new(robot, names, PERIOD_NS as f64 * 1e-9) {
+fn check_estimators(robot: &Robot, names: &[String], period_ns: u64) -> Result<(), CliError> {
+    match Estimators::new(robot, names, period_ns as f64 * 1e-9) {
         Ok(_) => Ok(()),
         Err(error @ EstimatorsError::Estimator(_)) => Err(CliError::input(error)),
         Err(asked) => Err(CliError::Input(format!("--estimators: {asked}"))),
@@ -465,11 +475,24 @@ mod tests {
     }
 
     #[test]
+    fn a_robot_runs_at_the_rate_its_gains_are_made_for_unless_told_otherwise() {
+        let mut robot = robot::load("shd17").unwrap();
+        robot.control.as_mut().unwrap().rate_hz = 1000.0;
+        assert_eq!(period_ns(None, &robot).unwrap(), 1_000_000);
+        assert_eq!(period_ns(Some(2000.0), &robot).unwrap(), 500_000);
+        robot.control.as_mut().unwrap().rate_hz = 20.0;
+        let refused = period_ns(None, &robot).unwrap_err().to_string();
+        assert!(refused.contains("control.rate_hz") && refused.contains("20"));
+        robot.control = None;
+        assert_eq!(period_ns(None, &robot).unwrap(), PERIOD_NS);
+    }
+
+    #[test]
     fn rate_and_early_waking_are_held_to_what_makes_sense() {
         let robot = robot::load("shd17").unwrap();
-        assert_eq!(period_ns(1500.0, &robot).unwrap(), PERIOD_NS);
+        assert_eq!(period_ns(Some(1500.0), &robot).unwrap(), PERIOD_NS);
         for rate_hz in [0.0, -1.0, f64::NAN, f64::INFINITY, 49.0] {
-            assert!(period_ns(rate_hz, &robot).is_err(), "{rate_hz}");
+            assert!(period_ns(Some(rate_hz), &robot).is_err(), "{rate_hz}");
         }
         let early = |us| wake_early_ns(Duration::from_micros(us), PERIOD_NS);
         assert_eq!(early(100).unwrap(), 100_000);

@@ -23,6 +23,23 @@ pub struct Restart {
     pub back_after_ms: Option<f64>,
 }
 
+/// A service that ends this often in a row before it gave a sign of life is broken.
+const FAILED_STARTS_MAX: usize = 20;
+/// How a process ends that somebody else has killed, which says nothing about it.
+const KILLED: &str = "signal 9";
+
+/// Whether the service of `role`, which has just ended for `reason`, is not worth another start.
+pub fn is_broken(restarts: &[Restart], role: Role, reason: &str) -> bool {
+    let mut reason = reason;
+    let mut failed_starts = 0;
+    let of_role = restarts.iter().rev().filter(|r| r.role == role.name());
+    for restart in of_role.take_while(|r| r.back_after_ms.is_none()) {
+        failed_starts += usize::from(reason != KILLED);
+        reason = &restart.reason;
+    }
+    failed_starts >= FAILED_STARTS_MAX
+}
+
 /// A process that was started and may have ended.
 #[derive(Debug)]
 pub struct Child {
@@ -125,5 +142,36 @@ impl Child {
             std::thread::sleep(Duration::from_millis(2));
         }
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn restarts(reason: &str, back_after_ms: Option<f64>, count: usize) -> Vec<Restart> {
+        let restart = Restart {
+            role: "relay".to_owned(),
+            at_s: 0.0,
+            reason: reason.to_owned(),
+            back_after_ms,
+        };
+        vec![restart; count]
+    }
+
+    #[test]
+    fn a_service_that_fails_at_every_start_is_broken() {
+        let mut ended = restarts("exit code 2", None, FAILED_STARTS_MAX);
+        assert!(is_broken(&ended, Role::Relay, "exit code 2"));
+        assert!(!is_broken(&ended[1..], Role::Relay, "exit code 2"));
+        assert!(!is_broken(&ended, Role::Estimator, "exit code 2"));
+        ended.extend(restarts("exit code 2", Some(30.0), 1));
+        assert!(!is_broken(&ended, Role::Relay, "exit code 2"), "it came up");
+    }
+
+    #[test]
+    fn one_that_is_killed_at_every_start_is_not() {
+        let killed = restarts(KILLED, None, 10 * FAILED_STARTS_MAX);
+        assert!(!is_broken(&killed, Role::Relay, KILLED));
     }
 }

@@ -19,7 +19,7 @@ use shm_types::messages::{LastCycle, LoopStatus};
 use shm_types::roster::{self, Member};
 use shm_types::topics::{self, Role};
 
-use child::{Child, Restart};
+use child::{Child, Restart, is_broken};
 use last_cycles::LastCycles;
 use operator::Operator;
 
@@ -37,9 +37,6 @@ const STOP_PATIENCE: Duration = Duration::from_secs(3);
 pub const WATCH_INTERVAL: Duration = Duration::from_millis(5);
 /// How often a lock that vanished while it was taken is tried again.
 const LOCK_TRIES: usize = 100;
-/// A service that ends this often in a row before it gave a sign of life is not started again: it is broken, and was not
-/// killed at a bad moment by somebody who does that at random.
-const FAILED_STARTS_MAX: usize = 20;
 
 /// Why an instance cannot be started or kept.
 #[derive(Debug, thiserror::Error)]
@@ -99,8 +96,7 @@ pub struct Supervisor {
     last_cycles: LastCycles,
     restarts: Vec<Restart>,
     begun: Instant,
-    mode: Mode,
-    cores: Vec<usize>,
+    config: RunConfig,
     _kept_off: Option<KeptOff>,
     _lock: File,
 }
@@ -132,8 +128,7 @@ impl Supervisor {
             status,
             restarts: Vec::new(),
             begun: Instant::now(),
-            mode: config.mode,
-            cores: config.cores.clone(),
+            config: config.clone(),
             // Two hundred looks a second at five processes would hold up the loop's wake-ups.
             _kept_off: config
                 .core_of(Role::Loop)
@@ -183,8 +178,9 @@ impl Supervisor {
             what: role.name(),
             source,
         };
-        let process = spawn_process(&self.instance, role, &self.life_line, &self.cores)
-            .map_err(start_error)?;
+        let cores = self.config.start_cores(role);
+        let process =
+            spawn_process(&self.instance, role, &self.life_line, cores).map_err(start_error)?;
         let process_id = process.id();
         self.children.push(Child::new(role, process, heartbeat));
         writeln!(self.life_line, "{process_id}").map_err(start_error)?;
@@ -259,7 +255,7 @@ impl Supervisor {
                 None => {
                     // A loop that only starts is missed by nobody: the joints are braked.
                     let starts = child.role() == Role::Loop && !child.is_ready();
-                    let silence_max = silence_max(self.mode, child.role());
+                    let silence_max = silence_max(self.config.mode, child.role());
                     let patience = match starts {
                         true => START_PATIENCE.max(silence_max),
                         false => silence_max,
@@ -280,7 +276,9 @@ impl Supervisor {
                     };
                 }
                 Role::Emulator => return Err(lost(child, reason)),
-                role if fails_to_start(&self.restarts, role) => return Err(lost(child, reason)),
+                role if is_broken(&self.restarts, role, &reason) => {
+                    return Err(lost(child, reason));
+                }
                 role @ (Role::Estimator | Role::Feedforward | Role::Relay) => {
                     to_restart.push((role, reason))
                 }
@@ -367,17 +365,6 @@ fn silence_max(mode: Mode, role: Role) -> Duration {
         (Mode::Lockstep, Role::Loop) => LOCKSTEP_LOOP_SILENCE_MAX,
         (Mode::Lockstep, _) => LOCKSTEP_SILENCE_MAX,
     }
-}
-
-fn fails_to_start(restarts: &[Restart], role: Role) -> bool {
-    let of_role = restarts
-        .iter()
-        .rev()
-        .filter(|restart| restart.role == role.name());
-    of_role
-        .take_while(|restart| restart.back_after_ms.is_none())
-        .count()
-        >= FAILED_STARTS_MAX
 }
 
 fn lost(child: &Child, reason: String) -> SupervisorError {

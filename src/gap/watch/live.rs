@@ -37,7 +37,7 @@ pub fn along_instance(arguments: &GapWatchArguments, told: &mut Told) -> Result<
     let mut feed = Feed::join(instance, &run, robot.joints.len())?;
     let stop = stop_on_signals()?;
     let (cycles, to_watch) = channel();
-    let mut watched = Watched::new(robot, arguments);
+    let mut watched = Watched::new(robot, run.period_ns, arguments);
     std::thread::scope(|scope| {
         let watching = scope.spawn(move || watch_all(&mut watched, &to_watch, told));
         while !stop.load(Ordering::Relaxed) && feed.drain(|cycle| cycles.send(cycle).is_ok()) {

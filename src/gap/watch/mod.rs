@@ -191,7 +191,7 @@ fn on_emulator(arguments: &GapWatchArguments, told: &mut Told) -> Result<(), Cli
         duration_s: arguments.emulate.unwrap_or_default().as_secs_f64(),
         seed: arguments.seed,
     };
-    let mut watched = Watched::new(robot.clone(), arguments);
+    let mut watched = Watched::new(robot.clone(), PERIOD_NS, arguments);
     let mut ended = Ok(());
     course.each(Robots::same(&robot), &injections, |messages| {
         ended = watched.take(messages, told);
@@ -202,6 +202,7 @@ fn on_emulator(arguments: &GapWatchArguments, told: &mut Told) -> Result<(), Cli
 
 /// A watch that takes cycles as the loop's messages tell them.
 struct Watched {
+    period_ns: u64,
     watch: Watch,
     joints: usize,
     row: Vec<JointCycle>,
@@ -209,10 +210,11 @@ struct Watched {
 }
 
 impl Watched {
-    fn new(robot: Robot, arguments: &GapWatchArguments) -> Self {
+    fn new(robot: Robot, period_ns: u64, arguments: &GapWatchArguments) -> Self {
         Self {
+            period_ns,
             joints: robot.joints.len(),
-            watch: Watch::new(robot, 1e9 / PERIOD_NS as f64, settings(arguments)),
+            watch: Watch::new(robot, 1e9 / period_ns as f64, settings(arguments)),
             row: Vec::new(),
             truth: Vec::new(),
         }
@@ -228,7 +230,7 @@ impl Watched {
         if row.is_none() || !is_running {
             return Ok(());
         }
-        let time_s = (messages.cycle * PERIOD_NS) as f64 * 1e-9;
+        let time_s = (messages.cycle * self.period_ns) as f64 * 1e-9;
         told.tell(self.watch.push(time_s, &self.row))
     }
 }
