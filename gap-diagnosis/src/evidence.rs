@@ -1,8 +1,8 @@
 //! From held-out errors to probabilities.
 //!
 //! Evidence is counted in nats: half the squared error that an explanation takes off blocks it was not fitted to, in
-//! units of noise and twin error, and half the squared deviations it spares the known values. It is tempered, because
-//! errors of a twin are not as independent as noise. `none` stands at zero. Whether something is left that no effect of
+//! units of noise and twin error, tempered, because errors of a twin are not as independent as noise; and half the squared
+//! deviations it spares the known values, whose tolerance is a prior like any other. `none` stands at zero. Whether something is left that no effect of
 //! the list explains is told by torques of no named law ([`crate::shapes`]).
 
 use crate::rank::{Ranking, Scored};
@@ -49,6 +49,22 @@ pub struct Standings {
     pub effects: Vec<(usize, f64)>,
 }
 
+/// What a simulated fit leaves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Left {
+    /// Whitened squares of the residual.
+    pub square: f64,
+    /// Squared deviations of the known values.
+    pub strain: f64,
+}
+
+impl Left {
+    /// Both.
+    pub fn total(self) -> f64 {
+        self.square + self.strain
+    }
+}
+
 /// Probability of an effect or of none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probability {
@@ -70,11 +86,11 @@ fn variance(ranking: &Ranking) -> f64 {
 fn nats(ranking: &Ranking, scored: &Scored, variance: f64) -> f64 {
     let errors = ranking.none.total() - scored.held_out.total();
     let spared = ranking.none_strain - scored.strain;
-    worth(ranking, scored, errors / variance + spared)
+    worth(ranking, scored, errors / variance, spared)
 }
 
 /// What taking so much off squares and strain is worth for this effect.
-fn worth(ranking: &Ranking, scored: &Scored, gain: f64) -> f64 {
+fn worth(ranking: &Ranking, scored: &Scored, errors: f64, spared: f64) -> f64 {
     let values = scored.amplitudes.len() + scored.hypothesis.shape.len();
     let effect = scored.hypothesis.effect;
     let at_reversals = AT_REVERSALS_ALWAYS.contains(&effect)
@@ -95,12 +111,12 @@ fn worth(ranking: &Ranking, scored: &Scored, gain: f64) -> f64 {
         } else {
             0.0
         };
-    let nats = tempered_nats(gain - ranking.roughness, values) - beside;
+    let nats = tempered_nats(errors - ranking.roughness, values) + 0.5 * spared - beside;
     // a response that is no number explains nothing
     if nats.is_finite() { nats } else { NOTHING }
 }
 
-/// What taking so much off squares and strain is worth, for an effect with so many values.
+/// What taking so much off squares is worth, for an effect with so many values.
 pub fn tempered_nats(gain: f64, values: usize) -> f64 {
     TEMPER * 0.5 * gain - NAMING - VALUE * values.saturating_sub(1) as f64
 }
@@ -146,12 +162,14 @@ impl Standings {
 
     /// Corrects the nats by what simulated fits leave of squares and strain, without an effect and with each of these:
     /// strong effects, and known values far off, do not respond in proportion.
-    pub fn refit(&mut self, ranking: &Ranking, without: f64, left: &[(usize, f64)]) {
-        let least = left.iter().map(|(_, left)| *left).fold(without, f64::min);
+    pub fn refit(&mut self, ranking: &Ranking, without: Left, left: &[(usize, Left)]) {
+        let squares = left.iter().map(|(_, left)| left.square);
+        let least = squares.fold(without.square, f64::min);
         let variance = (least / ranking.rows.max(1) as f64).max(1.0);
-        let value = |index: usize, left: f64| {
-            let gain = (without - left) / variance;
-            worth(ranking, &ranking.scored[index], gain)
+        let value = |index: usize, left: Left| {
+            let errors = (without.square - left.square) / variance;
+            let spared = without.strain - left.strain;
+            worth(ranking, &ranking.scored[index], errors, spared)
         };
         // the others stay as far behind the last that was simulated as their linear responses were
         let last = left

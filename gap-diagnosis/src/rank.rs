@@ -96,6 +96,20 @@ impl Round {
             .distance(&chosen, &one.amplitudes, &others, false)
     }
 
+    /// `d²` of a hypothesis, as fitted, from another alone.
+    pub fn distance_alone(&self, one: &Scored, other: &Scored) -> f64 {
+        let chosen: Vec<usize> = one.columns.clone().collect();
+        let others: Vec<usize> = other.columns.clone().collect();
+        self.blocks
+            .distance(&chosen, &one.amplitudes, &others, true)
+    }
+
+    /// Squared response of a hypothesis, as fitted.
+    pub fn square(&self, one: &Scored) -> f64 {
+        let chosen: Vec<usize> = one.columns.clone().collect();
+        self.blocks.distance(&chosen, &one.amplitudes, &[], true)
+    }
+
     /// `d²` of a hypothesis, as fitted, from known values that are off by any amount, but for those it is itself a change
     /// of; and the one of them that it cannot do without.
     pub fn distance_from_known(&self, one: &Scored, known: &[KnownValue]) -> (f64, Option<Known>) {
