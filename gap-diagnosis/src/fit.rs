@@ -490,6 +490,19 @@ mod tests {
     }
 
     #[test]
+    fn columns_that_depend_on_each_other_imitate_as_much_as_one() {
+        let a: Vec<f64> = (0..200).map(|k| (0.3 * f64::from(k)).sin()).collect();
+        let b: Vec<f64> = (0..200).map(|k| (0.17 * f64::from(k)).cos()).collect();
+        let both: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
+        let columns = [a.clone(), a, b, both, vec![0.0; 200]];
+        let blocks = Blocks::new(&columns, &columns[0], vec![Bound::FREE; 5], &rows(200));
+        assert!(blocks.distance(&[3], &[2.0], &[0, 1, 2, 4], true) < 1e-6);
+        let whole = blocks.distance(&[2], &[1.0], &[], true);
+        let left = blocks.distance(&[2], &[1.0], &[0, 1, 4], true);
+        assert!(left > 0.9 * whole && left <= whole, "{left} of {whole}");
+    }
+
+    #[test]
     fn a_column_is_imitated_by_itself_and_not_by_another() {
         let blocks = blocks(vec![Bound::FREE; 2]);
         assert!(blocks.distance(&[0], &[2.0], &[0], false) < 1e-6);
