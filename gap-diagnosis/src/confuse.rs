@@ -9,12 +9,17 @@ use crate::tell::{Told, names};
 
 /// Two explanations nearer than this cannot be told apart.
 pub(crate) const DISTANCE_MIN: f64 = 9.0;
+/// On motion of one speed, direction or frequency laws that are nearly the same differ by less than any law is off: part of
+/// the squared response that the other one leaves, and that all known values together leave.
+const ALIKE_PART: f64 = 0.05;
+const ALIKE_TO_KNOWN_PART: f64 = 0.1;
 /// Pairs that are shown.
-const PAIRS_MAX: usize = 5;
+const PAIRS_MAX: usize = 8;
 /// Nats by which an explanation must lead one that is near to it.
 const LEAD_NATS: f64 = 3.0;
 
-/// What is too near to an effect that was named to be told from it, nearest first.
+/// What is too near to an effect that was named to be told from it, nearest first. On poor motion also what is near among the
+/// effects of known values, if nothing was named.
 pub(crate) fn pairs(told: &Told<'_>) -> Vec<Confusable> {
     let counted = told.counted.iter().filter_map(|found| match names(found) {
         [one, other] => Some(pair(told, [one, other], 0.0)),
@@ -29,6 +34,17 @@ pub(crate) fn pairs(told: &Told<'_>) -> Vec<Confusable> {
         all.extend(imitated_by_known(told, step, own));
     }
     all.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+    if told.poverty.is_some() && told.added().next().is_none() {
+        all.extend(hidden_by_known(told, told.last()));
+    }
+    let mut seen: Vec<[String; 2]> = Vec::new();
+    all.retain(|pair| {
+        let mut names = pair.effects.clone();
+        names.sort();
+        let is_new = !seen.contains(&names);
+        seen.push(names);
+        is_new
+    });
     all.truncate(PAIRS_MAX);
     all
 }
@@ -45,18 +61,41 @@ fn named(step: &Step) -> Option<(&Scored, f64)> {
 
 fn others_alike(told: &Told<'_>, step: &Step, own: &Scored, own_nats: f64) -> Vec<Confusable> {
     let mut found = Vec::new();
+    let mut alike: Vec<&Scored> = Vec::new();
     for &(index, nats) in &step.standings.effects {
         let other = &step.round.ranking.scored[index];
-        if other.hypothesis.effect == own.hypothesis.effect || nats < own_nats - DISTANCE_MIN {
+        if other.hypothesis.effect == own.hypothesis.effect {
             continue;
         }
         let distance = step.round.distance(own, other);
-        if distance < DISTANCE_MIN || nats > own_nats - LEAD_NATS {
-            let names = [own, other].map(|scored| scored.hypothesis.effect);
-            found.push(pair(told, names, distance));
+        let is_near = nats > own_nats - DISTANCE_MIN && distance < DISTANCE_MIN;
+        let is_alike = is_alike(told, step, own, distance, ALIKE_PART);
+        if is_near || nats > own_nats - LEAD_NATS || is_alike {
+            found.push(pair(told, names_of(own, other), distance));
+        }
+        if is_alike {
+            alike.push(other);
+        }
+    }
+    found.extend(each_other(told, step, &alike));
+    found
+}
+
+/// Effects that are all like a third one, as pairs.
+fn each_other(told: &Told<'_>, step: &Step, alike: &[&Scored]) -> Vec<Confusable> {
+    let mut found = Vec::new();
+    for (k, one) in alike.iter().enumerate() {
+        for other in &alike[k + 1..] {
+            let distance = step.round.distance_alone(one, other);
+            found.push(pair(told, names_of(one, other), distance));
         }
     }
     found
+}
+
+/// Whether what is left of an effect is less than laws are off, on poor motion.
+fn is_alike(told: &Told<'_>, step: &Step, own: &Scored, distance: f64, part: f64) -> bool {
+    told.poverty.is_some() && distance < part * step.round.square(own)
 }
 
 /// What known values could imitate if they were off by more than their tolerance.
@@ -64,11 +103,52 @@ fn imitated_by_known(told: &Told<'_>, step: &Step, own: &Scored) -> Option<Confu
     let known = &told.search.twin.known;
     let (distance, needed) = step.round.distance_from_known(own, known);
     let other = needed.and_then(Known::effect)?;
-    (distance < DISTANCE_MIN).then(|| Confusable {
+    let is_near =
+        distance < DISTANCE_MIN || is_alike(told, step, own, distance, ALIKE_TO_KNOWN_PART);
+    is_near.then(|| Confusable {
         effects: [own.hypothesis.effect, other].map(str::to_owned),
         distance,
-        reason: "known values off by more than their tolerance would look the same".to_owned(),
+        reason: told.poverty.map_or_else(
+            || "known values off by more than their tolerance would look the same".to_owned(),
+            str::to_owned,
+        ),
     })
+}
+
+/// What this motion does not tell from a known value that is a little off: neither from that one nor from each other. Those
+/// most alike first.
+fn hidden_by_known(told: &Told<'_>, step: &Step) -> Vec<Confusable> {
+    let known = told.search.twin.known.iter();
+    let of_known: Vec<&str> = known.filter_map(|known| known.known.effect()).collect();
+    let scored = step.standings.effects.iter();
+    let scored: Vec<&Scored> = scored
+        .map(|(index, _)| &step.round.ranking.scored[*index])
+        .collect();
+    let is_known = |scored: &&&Scored| of_known.contains(&scored.hypothesis.effect);
+    let mut found: Vec<(f64, Confusable)> = Vec::new();
+    for behind in scored.iter().filter(is_known) {
+        let mut hidden: Vec<&Scored> = vec![behind];
+        for one in &scored {
+            let distance = step.round.distance_alone(one, behind);
+            let is_other = one.hypothesis.effect != behind.hypothesis.effect;
+            if is_other && is_alike(told, step, one, distance, ALIKE_PART) {
+                hidden.push(one);
+            }
+        }
+        for (k, one) in hidden.iter().enumerate() {
+            for other in &hidden[k + 1..] {
+                let distance = step.round.distance_alone(other, one);
+                let part = distance / step.round.square(other);
+                found.push((part, pair(told, names_of(one, other), distance)));
+            }
+        }
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found.into_iter().map(|(_, pair)| pair).collect()
+}
+
+fn names_of<'a>(one: &'a Scored, other: &'a Scored) -> [&'a str; 2] {
+    [one, other].map(|scored| scored.hypothesis.effect)
 }
 
 fn pair(told: &Told<'_>, names: [&str; 2], distance: f64) -> Confusable {

@@ -37,7 +37,7 @@ impl Checked {
         let mut findings: Vec<Finding> = Vec::new();
         for recording in recordings {
             for finding in check(recording, Some(&known)) {
-                if !findings.iter().any(|other| other.what == finding.what) {
+                if !findings.contains(&finding) {
                     findings.push(finding);
                 }
             }
@@ -61,7 +61,7 @@ impl Checked {
         })
     }
 
-    /// Whether the joint moves at one speed only, or in one direction.
+    /// Whether the joint moves at one speed only, in one direction, or at one frequency.
     pub fn poverty(&self, joint: &str) -> Option<&'static str> {
         self.findings.iter().find_map(|finding| {
             if finding.joint.as_deref() != Some(joint) {
@@ -70,6 +70,7 @@ impl Checked {
             match finding.kind {
                 FindingKind::OneSpeed => Some("one speed only"),
                 FindingKind::OneDirection => Some("one direction only"),
+                FindingKind::OneFrequency => Some("one frequency only"),
                 _ => None,
             }
         })

@@ -1,8 +1,8 @@
 //! From held-out errors to probabilities.
 //!
 //! Evidence is counted in nats: half the squared error that an explanation takes off blocks it was not fitted to, in
-//! units of noise and twin error, and half the squared deviations it spares the known values. It is tempered, because
-//! errors of a twin are not as independent as noise. `none` stands at zero. Whether something is left that no effect of
+//! units of noise and twin error, tempered, because errors of a twin are not as independent as noise; and half the squared
+//! deviations it spares the known values, whose tolerance is a prior like any other. `none` stands at zero. Whether something is left that no effect of
 //! the list explains is told by torques of no named law ([`crate::shapes`]).
 
 use crate::rank::{Ranking, Scored};
@@ -26,12 +26,17 @@ const AT_REVERSALS_ALWAYS: [&str; 3] = [
 const DAMPING: f64 = 6.0;
 /// What an effect costs beside whose law the robot file has already, refitted: the twin's version of it is not the robot's.
 const IN_FILE: f64 = 40.0;
+/// Part of the robot file's own friction over the angle, rms, that bristles instead of the file's law change, as often: on
+/// development robots without a gap 0.10 to 0.13.
+const BRISTLES_PART: f64 = 0.25;
+/// What those that show at reversals only cost beside in an arm: the other links' torque swings with the twist of their gears.
+const OTHERS_TWIST: f64 = 12.0;
 /// Those that show elsewhere only to a second encoder or a torque sensor.
 const AT_REVERSALS_UNSEEN: [&str; 3] = ["torsional_compliance", "soft_windup", "backlash"];
 /// What torques of no named law are worth in a good twin: over velocity, acceleration and travel since a reversal its
 /// friction is another's law, over anything else it is as the robot.
 const TWINS_FRICTION: f64 = 90.0;
-const TWINS_REST: f64 = 50.0;
+const TWINS_REST: f64 = 60.0;
 /// Part of what the named effects are worth that may be left in such torques: no law is exact.
 const INEXACT: f64 = 0.05;
 /// Left beyond this part, the named effects only imitate something else.
@@ -47,6 +52,22 @@ const NOTHING: f64 = -1e9;
 pub struct Standings {
     /// The best variant of each effect, best first: index into the ranking, and its nats.
     pub effects: Vec<(usize, f64)>,
+}
+
+/// What a simulated fit leaves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Left {
+    /// Whitened squares of the residual.
+    pub square: f64,
+    /// Squared deviations of the known values.
+    pub strain: f64,
+}
+
+impl Left {
+    /// Both.
+    pub fn total(self) -> f64 {
+        self.square + self.strain
+    }
 }
 
 /// Probability of an effect or of none.
@@ -70,15 +91,15 @@ fn variance(ranking: &Ranking) -> f64 {
 fn nats(ranking: &Ranking, scored: &Scored, variance: f64) -> f64 {
     let errors = ranking.none.total() - scored.held_out.total();
     let spared = ranking.none_strain - scored.strain;
-    worth(ranking, scored, errors / variance + spared)
+    worth(ranking, scored, errors / variance, spared)
 }
 
 /// What taking so much off squares and strain is worth for this effect.
-fn worth(ranking: &Ranking, scored: &Scored, gain: f64) -> f64 {
+fn worth(ranking: &Ranking, scored: &Scored, errors: f64, spared: f64) -> f64 {
     let values = scored.amplitudes.len() + scored.hypothesis.shape.len();
     let effect = scored.hypothesis.effect;
-    let at_reversals = AT_REVERSALS_ALWAYS.contains(&effect)
-        || !ranking.sees_torsion && AT_REVERSALS_UNSEEN.contains(&effect);
+    let is_unseen = !ranking.sees_torsion && AT_REVERSALS_UNSEEN.contains(&effect);
+    let at_reversals = AT_REVERSALS_ALWAYS.contains(&effect) || is_unseen;
     let beside = if effect == "structural_damping" {
         AT_REVERSALS + DAMPING
     } else if at_reversals {
@@ -88,19 +109,24 @@ fn worth(ranking: &Ranking, scored: &Scored, gain: f64) -> f64 {
     } else {
         0.0
     };
-    let beside = beside + (ranking.joints as f64).ln();
-    let beside = beside
-        + if ranking.is_in_file(&scored.hypothesis) {
-            IN_FILE
-        } else {
-            0.0
-        };
-    let nats = tempered_nats(gain - ranking.roughness, values) - beside;
+    let mut beside = beside + (ranking.joints as f64).ln();
+    if is_unseen && ranking.joints > 1 {
+        beside += OTHERS_TWIST;
+    }
+    if ranking.is_in_file(&scored.hypothesis) {
+        beside += IN_FILE;
+    }
+    let file_amplitude_nm = ranking.file_amplitude_nm(&scored.hypothesis);
+    let file_rms_nm = file_amplitude_nm.unwrap_or(0.0) * std::f64::consts::FRAC_1_SQRT_2;
+    if scored.size_nm < BRISTLES_PART * file_rms_nm {
+        return NOTHING;
+    }
+    let nats = tempered_nats(errors - ranking.roughness, values) + 0.5 * spared - beside;
     // a response that is no number explains nothing
     if nats.is_finite() { nats } else { NOTHING }
 }
 
-/// What taking so much off squares and strain is worth, for an effect with so many values.
+/// What taking so much off squares is worth, for an effect with so many values.
 pub fn tempered_nats(gain: f64, values: usize) -> f64 {
     TEMPER * 0.5 * gain - NAMING - VALUE * values.saturating_sub(1) as f64
 }
@@ -146,12 +172,14 @@ impl Standings {
 
     /// Corrects the nats by what simulated fits leave of squares and strain, without an effect and with each of these:
     /// strong effects, and known values far off, do not respond in proportion.
-    pub fn refit(&mut self, ranking: &Ranking, without: f64, left: &[(usize, f64)]) {
-        let least = left.iter().map(|(_, left)| *left).fold(without, f64::min);
+    pub fn refit(&mut self, ranking: &Ranking, without: Left, left: &[(usize, Left)]) {
+        let squares = left.iter().map(|(_, left)| left.square);
+        let least = squares.fold(without.square, f64::min);
         let variance = (least / ranking.rows.max(1) as f64).max(1.0);
-        let value = |index: usize, left: f64| {
-            let gain = (without - left) / variance;
-            worth(ranking, &ranking.scored[index], gain)
+        let value = |index: usize, left: Left| {
+            let errors = (without.square - left.square) / variance;
+            let spared = without.strain - left.strain;
+            worth(ranking, &ranking.scored[index], errors, spared)
         };
         // the others stay as far behind the last that was simulated as their linear responses were
         let last = left

@@ -2,7 +2,9 @@
 
 use joint_model::filter::FilterError;
 
-use crate::evidence::{Probability, Remains, Standings, remains, standings, unknown_probability};
+use crate::evidence::{
+    Left, Probability, Remains, Standings, remains, standings, unknown_probability,
+};
 use crate::judge::Squares;
 use crate::rank::{ALIKE, Round};
 use crate::refine::Refined;
@@ -286,14 +288,14 @@ fn best_base(
     search: &Search<'_>,
     round: &Round,
     base: &Refined,
-    refitted: &[(usize, f64, Refined)],
+    refitted: &[(usize, Left, Refined)],
 ) -> Result<Refined, FilterError> {
     let mut best = base.clone();
     let mut least = search.objective(&best.model, &best.residual_nm);
     for (_, left, refined) in refitted {
         let mut stripped = refined.model.clone();
         stripped.terms.pop();
-        if *left >= least {
+        if left.total() >= least {
             continue;
         }
         let residual_nm = search.residual_nm(&stripped)?;
@@ -345,27 +347,27 @@ impl Step {
                 amplitudes: scored.amplitudes.clone(),
             });
             let refined = search.refine(&round, &model)?;
-            let objective = search.objective(&refined.model, &refined.residual_nm);
+            let left = search.left(&refined.model, &refined.residual_nm);
             // a joint that runs away in simulation explains nothing
-            if objective.is_finite() {
-                refitted.push((index, objective, refined));
+            if left.total().is_finite() {
+                refitted.push((index, left, refined));
             }
         }
-        let left: Vec<(usize, f64)> = refitted.iter().map(|(i, o, _)| (*i, *o)).collect();
+        let left: Vec<(usize, Left)> = refitted.iter().map(|(i, left, _)| (*i, *left)).collect();
         let base = best_base(search, &round, base, &refitted)?;
         let structure = if is_beyond(search, &base.residual_nm, TWINS_SHAPE) {
             search.structure(&round, &base)
         } else {
             Vec::new()
         };
-        let without = search.objective(&base.model, &base.residual_nm);
+        let without = search.left(&base.model, &base.residual_nm);
         standings.refit(&round.ranking, without, &left);
         let mut refitted: Vec<Refitted> = refitted
             .into_iter()
             .map(|(index, left, refined)| Refitted {
                 effect: round.ranking.scored[index].hypothesis.effect,
                 nats: standings.nats_of(index),
-                gain: 0.5 * (without - left),
+                gain: 0.5 * (without.total() - left.total()),
                 refined,
             })
             .collect();

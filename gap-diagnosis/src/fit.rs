@@ -16,6 +16,9 @@ const SWEEPS: usize = 400;
 /// A sweep that moves no coefficient further, in units of its own, is the last.
 const STEP_MIN: f64 = 1e-9;
 
+/// Eigenvalue of columns of length one below which they depend on one another.
+const DEPENDENT: f64 = 1e-9;
+
 /// Limits and prior of a column's coefficient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bound {
@@ -200,6 +203,30 @@ impl Products {
         value
     }
 
+    /// Sum of squares that the best coefficients without limits and priors leave: columns may depend on one another.
+    fn left_by_free(&self, chosen: &[usize]) -> f64 {
+        if chosen.is_empty() {
+            return self.square;
+        }
+        let count = chosen.len();
+        let size = |i: usize| self.columns[(i, i)].sqrt().max(1e-150);
+        let matrix = DMatrix::from_fn(count, count, |a, b| {
+            let (i, j) = (chosen[a], chosen[b]);
+            self.columns[(i, j)] / (size(i) * size(j))
+        });
+        let target = DVector::from_fn(count, |a, _| self.target[chosen[a]] / size(chosen[a]));
+        let eigen = matrix.symmetric_eigen();
+        let turned = eigen.eigenvectors.tr_mul(&target);
+        let told: f64 = eigen
+            .eigenvalues
+            .iter()
+            .zip(turned.iter())
+            .filter(|(value, _)| **value > DEPENDENT)
+            .map(|(value, along)| along * along / value)
+            .sum();
+        (self.square - told).max(0.0)
+    }
+
     fn unbounded(&self, chosen: &[usize], bounds: &[Bound]) -> Vec<f64> {
         let count = chosen.len();
         let mut matrix =
@@ -358,12 +385,10 @@ impl Blocks {
             .zip(coefficients)
             .map(|(&j, a)| a * imitated.target[j])
             .sum();
-        let bounds = if is_free {
-            vec![Bound::FREE; self.bounds.len()]
-        } else {
-            self.bounds.clone()
-        };
-        let found = imitated.solve(others, &bounds);
+        if is_free {
+            return imitated.left_by_free(others);
+        }
+        let found = imitated.solve(others, &self.bounds);
         imitated.left(others, &found)
     }
 
@@ -462,6 +487,19 @@ mod tests {
         assert_eq!(fit.coefficients[1], 0.0);
         let alone = blocks.fit(&[0]);
         assert!((fit.coefficients[0] - alone.coefficients[0]).abs() < 1e-6);
+    }
+
+    #[test]
+    fn columns_that_depend_on_each_other_imitate_as_much_as_one() {
+        let a: Vec<f64> = (0..200).map(|k| (0.3 * f64::from(k)).sin()).collect();
+        let b: Vec<f64> = (0..200).map(|k| (0.17 * f64::from(k)).cos()).collect();
+        let both: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
+        let columns = [a.clone(), a, b, both, vec![0.0; 200]];
+        let blocks = Blocks::new(&columns, &columns[0], vec![Bound::FREE; 5], &rows(200));
+        assert!(blocks.distance(&[3], &[2.0], &[0, 1, 2, 4], true) < 1e-6);
+        let whole = blocks.distance(&[2], &[1.0], &[], true);
+        let left = blocks.distance(&[2], &[1.0], &[0, 1, 4], true);
+        assert!(left > 0.9 * whole && left <= whole, "{left} of {whole}");
     }
 
     #[test]

@@ -182,7 +182,7 @@ pub fn plain(
     add("asymmetric_friction", Form::Asymmetric, &[]);
     add("load_dependent_friction", Form::LoadDependent, &[]);
     add("torsional_compliance", Form::Compliance, &[]);
-    for part in [0.3, 1.0] {
+    for part in [0.3, 1.0, 3.0] {
         add("soft_windup", Form::Windup, &[part * scale.friction_nm]);
     }
     for part in [0.1, 0.5] {

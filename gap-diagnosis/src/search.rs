@@ -6,6 +6,7 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use robot::Effect;
 
+use crate::evidence::Left;
 use crate::fit::Bound;
 use crate::hypothesis::{Hypothesis, Scale, plain};
 use crate::observe::Channel;
@@ -231,7 +232,15 @@ impl<'a> Search<'a> {
 
     /// Whitened squares of a residual and strain of the known values.
     pub fn objective(&self, model: &Model, residual_nm: &[f64]) -> f64 {
-        self.square(residual_nm) + strain(model, &[0.0; 0])
+        self.left(model, residual_nm).total()
+    }
+
+    /// The same, apart.
+    pub fn left(&self, model: &Model, residual_nm: &[f64]) -> Left {
+        Left {
+            square: self.square(residual_nm),
+            strain: strain(model, &[]),
+        }
     }
 
     /// Whitened squares of a residual.

@@ -72,7 +72,7 @@ impl Told<'_> {
         })
     }
 
-    fn last(&self) -> &Step {
+    pub fn last(&self) -> &Step {
         self.explanation.last()
     }
 
@@ -170,7 +170,7 @@ impl Told<'_> {
             Verdict::PartlyExplained
         } else if confusable
             .iter()
-            .any(|pair| pair.distance < confuse::DISTANCE_MIN)
+            .any(|pair| pair.distance < confuse::DISTANCE_MIN || self.poverty.is_some())
             || effects.iter().any(|effect| effect.probability < 0.5)
         {
             Verdict::Ambiguous

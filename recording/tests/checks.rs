@@ -433,7 +433,7 @@ fn signals_that_stay_or_are_missing_are_named() {
 }
 
 #[test]
-fn a_joint_that_stands_or_goes_one_way_at_one_speed_is_named() {
+fn a_joint_that_stands_or_moves_in_one_way_only_is_named() {
     let still = |recording: &mut Recording, joint: usize| {
         for column in recording.joints[joint].signals.values_mut() {
             let first = column[0];
@@ -444,24 +444,27 @@ fn a_joint_that_stands_or_goes_one_way_at_one_speed_is_named() {
     still(&mut recording, 2);
     assert_eq!(only(&recording, Some(&robot())).kind, FindingKind::NoMotion);
 
-    let one_speed = |turns_back: bool| {
+    let moved = |position_rad: &dyn Fn(f64) -> f64| {
         let mut recording = whole();
         recording.joints.truncate(1);
         for row in 0..ROWS {
-            let t = row as f64 / RATE_HZ;
-            let q = if turns_back && t > 10.0 { 20.0 - t } else { t } * 0.05;
             recording.joints[0]
                 .signals
                 .get_mut(&Signal::LinkPositionRad)
-                .unwrap()[row] = q;
+                .unwrap()[row] = position_rad(row as f64 / RATE_HZ);
         }
         recording.joints[0]
             .signals
             .retain(|signal, _| matches!(signal, Signal::LinkPositionRad | Signal::MotorTorqueNm));
         only(&recording, None).kind
     };
-    assert_eq!(one_speed(true), FindingKind::OneSpeed);
-    assert_eq!(one_speed(false), FindingKind::OneSpeed);
+    let there_and_back = |t: f64| 0.05 * if t > 10.0 { 20.0 - t } else { t };
+    assert_eq!(moved(&there_and_back), FindingKind::OneSpeed);
+    assert_eq!(moved(&|t| 0.05 * t), FindingKind::OneSpeed);
+    let swing = |hz: f64, t: f64| 0.1 / hz * (std::f64::consts::TAU * hz * t).sin();
+    assert_eq!(moved(&|t| swing(0.7, t)), FindingKind::OneFrequency);
+    let onwards = |t: f64| 0.4 * t + 0.3 * swing(0.7, t) + 0.2 * swing(0.25, t);
+    assert_eq!(moved(&onwards), FindingKind::OneDirection);
 }
 
 #[test]

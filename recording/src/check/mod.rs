@@ -51,6 +51,8 @@ pub enum FindingKind {
     OneSpeed,
     /// A joint moves in one direction only.
     OneDirection,
+    /// A joint swings at one frequency only.
+    OneFrequency,
     /// Many values of a signal are missing.
     MissingValues,
     /// A signal stays while the joint moves.

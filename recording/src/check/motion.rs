@@ -9,8 +9,12 @@ use crate::{JointColumns, Recording, Signal};
 const STILL_RAD: f64 = 2e-3;
 /// Of the fastest speed (of its 95 % quantile); slower counts as standing.
 const MOVING: f64 = 0.05;
-/// Fast moving over slow moving, 90 % over 10 % quantile: below this it is one speed.
+/// Fast moving over slow moving, 90 % over 20 % quantile: below this it is one speed.
 const SPEEDS: f64 = 1.3;
+/// Part of the speeds' squares that one frequency makes up: above it there is no other. There and back at one speed has 0.81.
+const ONE_FREQUENCY: f64 = 0.86;
+/// Frequencies that are tried: the slowest makes a few swings, the fastest is told by a few blocks a swing.
+const FREQUENCIES_HZ: [f64; 2] = [0.1, 4.0];
 /// A signal that keeps one value for as long while the joint moves is stuck.
 const STUCK_S: f64 = 0.2;
 /// Share of its whole way that the joint moves meanwhile.
@@ -66,21 +70,23 @@ fn speeds(
     signal: Signal,
     position: &[f64],
 ) -> Option<Finding> {
-    let velocities: Vec<f64> = blocks(recording)
+    let timed: Vec<(f64, f64)> = blocks(recording)
         .into_iter()
         .map(|rows| {
-            let elapsed_s = recording.time_s[rows.end - 1] - recording.time_s[rows.start];
-            (position[rows.end - 1] - position[rows.start]) / elapsed_s
+            let (from_s, to_s) = (recording.time_s[rows.start], recording.time_s[rows.end - 1]);
+            let way = position[rows.end - 1] - position[rows.start];
+            (0.5 * (from_s + to_s), way / (to_s - from_s))
         })
-        .filter(|velocity| velocity.is_finite())
+        .filter(|(_, velocity)| velocity.is_finite())
         .collect();
+    let velocities: Vec<f64> = timed.iter().map(|(_, velocity)| *velocity).collect();
     let sizes: Vec<f64> = velocities.iter().map(|velocity| velocity.abs()).collect();
     let fast = quantile(sizes.clone(), 0.95)?;
     let moving: Vec<f64> = sizes
         .into_iter()
         .filter(|size| *size > MOVING * fast)
         .collect();
-    let (slow, fast) = (quantile(moving.clone(), 0.1)?, quantile(moving, 0.9)?);
+    let (slow, fast) = (quantile(moving.clone(), 0.2)?, quantile(moving, 0.9)?);
     let finding = if fast < SPEEDS * slow {
         let what = format!("moves at one speed only, from {slow:.4} to {fast:.4} rad/s");
         Finding::warning(FindingKind::OneSpeed, what)
@@ -91,7 +97,7 @@ fn speeds(
         let forward = velocities.iter().any(|velocity| *velocity > threshold);
         let backward = velocities.iter().any(|velocity| *velocity < -threshold);
         if forward && backward {
-            return None;
+            return one_frequency(&timed).map(|finding| finding.at(joint).of(signal));
         }
         let direction = if forward { "positive" } else { "negative" };
         let what = format!("moves in the {direction} direction only");
@@ -99,6 +105,33 @@ fn speeds(
             .remedy("record both directions: friction cannot be told from a torque offset")
     };
     Some(finding.at(joint).of(signal))
+}
+
+/// Whether speeds over time are one sine.
+fn one_frequency(timed: &[(f64, f64)]) -> Option<Finding> {
+    let (from_s, to_s) = (timed.first()?.0, timed.last()?.0);
+    let square: f64 = timed.iter().map(|(_, velocity)| velocity * velocity).sum();
+    let share = |hz: f64| {
+        let (mut sine, mut cosine) = (0.0, 0.0);
+        for (time_s, velocity) in timed {
+            let (s, c) = (std::f64::consts::TAU * hz * time_s).sin_cos();
+            sine += s * velocity;
+            cosine += c * velocity;
+        }
+        2.0 * (sine * sine + cosine * cosine) / (timed.len() as f64 * square)
+    };
+    let step_hz = 0.25 / (to_s - from_s);
+    let count = ((FREQUENCIES_HZ[1] - FREQUENCIES_HZ[0]) / step_hz) as usize;
+    let (hz, share) = (0..count)
+        .map(|k| FREQUENCIES_HZ[0] + k as f64 * step_hz)
+        .map(|hz| (hz, share(hz)))
+        .max_by(|a, b| a.1.total_cmp(&b.1))?;
+    (share > ONE_FREQUENCY).then(|| {
+        let what = format!("swings at one frequency only, {hz:.2} Hz");
+        Finding::warning(FindingKind::OneFrequency, what)
+            .decided_by(share)
+            .remedy("record several frequencies: load, inertia, a soft gear and a wrong torque constant look alike")
+    })
 }
 
 fn missing(joint: &JointColumns, signal: Signal, column: &[f64]) -> Option<Finding> {
