@@ -26,10 +26,7 @@ const AT_REVERSALS_ALWAYS: [&str; 3] = [
 const DAMPING: f64 = 6.0;
 /// What an effect costs beside whose law the robot file has already, refitted: the twin's version of it is not the robot's.
 const IN_FILE: f64 = 40.0;
-/// Part of the robot file's own friction over the angle, rms, that bristles instead of the file's law change, as often: on
-/// development robots without a gap 0.10 to 0.13.
-const BRISTLES_PART: f64 = 0.25;
-/// What those that show at reversals only cost beside in an arm: the other links' torque swings with the twist of their gears.
+/// What twist of the gear costs beside in an arm: the other links' torque swings with the twist of their gears.
 const OTHERS_TWIST: f64 = 12.0;
 /// Those that show elsewhere only to a second encoder or a torque sensor.
 const AT_REVERSALS_UNSEEN: [&str; 3] = ["torsional_compliance", "soft_windup", "backlash"];
@@ -98,8 +95,8 @@ fn nats(ranking: &Ranking, scored: &Scored, variance: f64) -> f64 {
 fn worth(ranking: &Ranking, scored: &Scored, errors: f64, spared: f64) -> f64 {
     let values = scored.amplitudes.len() + scored.hypothesis.shape.len();
     let effect = scored.hypothesis.effect;
-    let is_unseen = !ranking.sees_torsion && AT_REVERSALS_UNSEEN.contains(&effect);
-    let at_reversals = AT_REVERSALS_ALWAYS.contains(&effect) || is_unseen;
+    let is_twist = AT_REVERSALS_UNSEEN.contains(&effect);
+    let at_reversals = AT_REVERSALS_ALWAYS.contains(&effect) || is_twist && !ranking.sees_torsion;
     let beside = if effect == "structural_damping" {
         AT_REVERSALS + DAMPING
     } else if at_reversals {
@@ -110,16 +107,11 @@ fn worth(ranking: &Ranking, scored: &Scored, errors: f64, spared: f64) -> f64 {
         0.0
     };
     let mut beside = beside + (ranking.joints as f64).ln();
-    if is_unseen && ranking.joints > 1 {
+    if is_twist && ranking.joints > 1 {
         beside += OTHERS_TWIST;
     }
     if ranking.is_in_file(&scored.hypothesis) {
         beside += IN_FILE;
-    }
-    let file_amplitude_nm = ranking.file_amplitude_nm(&scored.hypothesis);
-    let file_rms_nm = file_amplitude_nm.unwrap_or(0.0) * std::f64::consts::FRAC_1_SQRT_2;
-    if scored.size_nm < BRISTLES_PART * file_rms_nm {
-        return NOTHING;
     }
     let nats = tempered_nats(errors - ranking.roughness, values) + 0.5 * spared - beside;
     // a response that is no number explains nothing

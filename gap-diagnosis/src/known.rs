@@ -1,11 +1,13 @@
 //! What the robot file already knows and may be a little wrong about, and what no file speaks of but every joint has:
 //! refitted within its tolerance before anything is called a gap.
 
+use std::f64::consts::FRAC_PI_2;
+
 use joint_model::friction::{LoadTorqueRow, Sliding, StribeckFriction, StribeckRow};
 use joint_model::rigid_body::Chain;
 use robot::{Robot, Tolerance};
 
-use crate::joint::JointModel;
+use crate::joint::{Harmonic, JointModel};
 use crate::load::{Load, LoadChange, Motion};
 
 /// Links whose mass moves the joint's torque less than this part of the heaviest one's do not count.
@@ -19,6 +21,10 @@ const ROUNDING_NM: f64 = 1.0;
 /// In creeping motion friction is less than its law says: by about this part, below about this speed.
 const CREEP_PART: f64 = 0.15;
 const CREEP_RAD_S: f64 = 0.015;
+/// Friction that bristles carry follows a wavy level otherwise than a law does: part of the level's amplitude, 0.10 to 0.13 on
+/// development robots, and how many harmonics are looked at.
+const WAVINESS_PART: f64 = 0.06;
+const WAVY_TERMS: usize = 3;
 /// Natural logarithm of the factor by which a presliding length may be off.
 const PRESLIDING_LN: f64 = 1.0;
 
@@ -47,6 +53,9 @@ pub enum Known {
     StribeckVelocity(usize),
     /// A harmonic of friction.
     Periodic(usize),
+    /// What bristles make of a harmonic of friction: a torque over the same angle, whatever the direction, in phase with it
+    /// (0) or a quarter cycle before (1).
+    Waviness(usize, usize),
     /// Of the gear.
     Stiffness,
     /// Motor side.
@@ -79,7 +88,9 @@ impl Known {
             Self::Stiffness => Some("torsional_compliance"),
             Self::RotorInertia => Some("rotor_inertia"),
             Self::Mass(_) => Some("payload"),
-            Self::Presliding | Self::Lag | Self::Rounding | Self::Creep => None,
+            Self::Waviness(..) | Self::Presliding | Self::Lag | Self::Rounding | Self::Creep => {
+                None
+            }
         }
     }
 }
@@ -155,6 +166,16 @@ impl KnownValue {
                 friction.stribeck[term].stribeck_velocity_rad_s *= factor.max(0.1);
             }
             Known::Periodic(term) => friction.periodic[term].amplitude_nm *= factor,
+            Known::Waviness(term, quarter) if change != 0.0 => {
+                let law = &friction.periodic[term];
+                // a joint that has no room for the term has eight of them already
+                let _ = model.torque_ripple.try_push(Harmonic {
+                    amplitude: change * law.amplitude_nm / model.gear_ratio,
+                    cycles_per_rev: law.cycles_per_motor_rev,
+                    phase_rad: law.phase_rad + quarter as f64 * FRAC_PI_2,
+                });
+            }
+            Known::Waviness(..) => {}
             Known::Stiffness => model.stiffness_nm_rad *= factor.max(0.1),
             Known::RotorInertia => model.rotor_inertia_kg_m2 *= factor.max(0.1),
             Known::Presliding => model.presliding_rad *= change.exp(),
@@ -262,6 +283,10 @@ pub fn of_joint(model: &JointModel, tolerance: &Tolerance) -> Vec<KnownValue> {
     let mut beside = |known: Known, deviation: f64| all.push(KnownValue { known, deviation });
     beside(Known::Presliding, PRESLIDING_LN);
     beside(Known::Lag, LAG_S);
+    for term in 0..friction.periodic.len().min(WAVY_TERMS) {
+        beside(Known::Waviness(term, 0), WAVINESS_PART);
+        beside(Known::Waviness(term, 1), WAVINESS_PART);
+    }
     let friction_nm = friction.level_nm(&Sliding::at(CREEP_RAD_S));
     if friction_nm > 0.0 {
         beside(Known::Creep, CREEP_PART * friction_nm);

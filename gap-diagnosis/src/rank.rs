@@ -64,8 +64,8 @@ pub struct Ranking {
     pub roughness: f64,
     /// Friction as the robot file has it falls at low speed.
     pub file_falls: bool,
-    /// Friction that repeats with the motor's turn in the robot file: cycles per motor turn, and amplitude in Nm.
-    pub file_periodic: Vec<(f64, f64)>,
+    /// Cycles per motor turn at which the robot file has friction repeat.
+    pub file_cycles: Vec<f64>,
     /// Joints of the robot: among more of them something looks like an effect by chance.
     pub joints: usize,
     /// Whether a second encoder or a torque sensor shows how the gear twists.
@@ -75,19 +75,13 @@ pub struct Ranking {
 impl Ranking {
     /// Whether the robot file has a law like this already, which is refitted beside it.
     pub fn is_in_file(&self, hypothesis: &Hypothesis) -> bool {
-        self.file_amplitude_nm(hypothesis).is_some()
-            || hypothesis.effect == "stribeck_friction" && self.file_falls
-    }
-
-    /// Amplitude of the robot file's friction that repeats as often.
-    pub fn file_amplitude_nm(&self, hypothesis: &Hypothesis) -> Option<f64> {
         let cycles = hypothesis.shape.first().copied().unwrap_or(0.0);
-        let own = self.file_periodic.iter();
-        let mut alike = own.filter(|(own, _)| (cycles / own - 1.0).abs() < ALIKE);
-        alike
-            .next()
-            .filter(|_| hypothesis.is_periodic())
-            .map(|(_, amplitude_nm)| *amplitude_nm)
+        let repeats = self
+            .file_cycles
+            .iter()
+            .any(|own| (cycles / own - 1.0).abs() < ALIKE);
+        hypothesis.is_periodic() && repeats
+            || hypothesis.effect == "stribeck_friction" && self.file_falls
     }
 }
 
@@ -285,10 +279,10 @@ impl Search<'_> {
             roughness: 0.0,
             joints: self.twin.joints(),
             file_falls: friction.curve.is_some() || !friction.stribeck.is_empty(),
-            file_periodic: friction
+            file_cycles: friction
                 .periodic
                 .iter()
-                .map(|law| (law.cycles_per_motor_rev, law.amplitude_nm))
+                .map(|law| law.cycles_per_motor_rev)
                 .collect(),
             sees_torsion: [Channel::Torsion, Channel::Link]
                 .iter()
