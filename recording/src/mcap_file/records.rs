@@ -100,7 +100,7 @@ impl Records {
             Source::Chunk(body) => (self.chunk_offset, &self.chunk[body]),
             Source::File(offset) => (offset, &self.body[..]),
         };
-        let record = parse_record(opcode, body).map_err(|error| damaged(offset, error))?;
+        let record = parsed(opcode, body).map_err(|what| damaged(offset, what))?;
         Ok(Next::Record { offset, record })
     }
 
@@ -126,7 +126,7 @@ impl Records {
     /// Unpacks the chunk in `body`.
     fn open_chunk(&mut self, offset: u64) -> Result<(), ReadProblem> {
         let Record::Chunk { header, data } =
-            parse_record(op::CHUNK, &self.body).map_err(|error| damaged(offset, error))?
+            parsed(op::CHUNK, &self.body).map_err(|what| damaged(offset, what))?
         else {
             return Err(damaged(offset, "a chunk that is none"));
         };
@@ -187,6 +187,49 @@ pub(super) fn damaged(offset: u64, what: impl ToString) -> ReadProblem {
     }
 }
 
+/// What a record's body says. The parser reserves as much as a text's length promises, so lengths are looked at first.
+fn parsed(opcode: u8, body: &[u8]) -> Result<Record<'_>, String> {
+    lengths_hold(opcode, body).ok_or("a text runs past its record's end")?;
+    parse_record(opcode, body).map_err(|error| error.to_string())
+}
+
+/// Whether every length in a record leads to a place within it.
+fn lengths_hold(opcode: u8, body: &[u8]) -> Option<()> {
+    match opcode {
+        op::SCHEMA => {
+            let name = body.get(2..)?;
+            past_text(past_text(past_text(name)?)?)?;
+        }
+        op::CHANNEL => {
+            let topic = body.get(4..)?;
+            map_holds(past_text(past_text(topic)?)?)?;
+        }
+        op::METADATA => map_holds(past_text(body)?)?,
+        op::CHUNK => {
+            let compression = body.get(28..)?;
+            past_text(compression)?;
+        }
+        _ => {}
+    }
+    Some(())
+}
+
+/// What follows a text, or bytes, that begin with their length.
+fn past_text(bytes: &[u8]) -> Option<&[u8]> {
+    let (length, rest) = bytes.split_first_chunk()?;
+    rest.get(u32::from_le_bytes(*length) as usize..)
+}
+
+/// Names and values, one after the other, in as many bytes as their length says.
+fn map_holds(bytes: &[u8]) -> Option<()> {
+    let (length, rest) = bytes.split_first_chunk()?;
+    let mut entries = rest.get(..u32::from_le_bytes(*length) as usize)?;
+    while !entries.is_empty() {
+        entries = past_text(past_text(entries)?)?;
+    }
+    Some(())
+}
+
 /// Others are indexes and attachments, which hold no rows.
 fn is_wanted(opcode: u8) -> bool {
     matches!(
@@ -235,4 +278,30 @@ fn unpack(header: &ChunkHeader, decoder: impl Read, chunk: &mut Vec<u8>) -> Resu
         .read_to_end(chunk)
         .map_err(|error| error.to_string())?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_length_that_leads_out_of_its_record_is_refused_before_anything_is_reserved() {
+        let text = |said: u32, bytes: &[u8]| [&said.to_le_bytes(), bytes].concat();
+        let entry = [text(1, b"a"), text(2, b"bc")].concat();
+        let map = |said: u32| text(said, &entry);
+        let whole = u32::try_from(entry.len()).unwrap_or(0);
+        let metadata = |name: u32, map: Vec<u8>| [text(name, b"run"), map].concat();
+        assert!(parsed(op::METADATA, &metadata(3, map(whole))).is_ok());
+        for said in [4_u32, 200, u32::MAX] {
+            assert!(parsed(op::METADATA, &metadata(said, map(whole))).is_err());
+            assert!(parsed(op::METADATA, &metadata(3, map(whole + said))).is_err());
+        }
+        let inner = text(whole, &[text(u32::MAX, b"a"), text(2, b"bc")].concat());
+        assert!(parsed(op::METADATA, &metadata(3, inner)).is_err());
+        let chunk = |said: u32| [vec![0; 28], text(said, b"lz4"), vec![0; 8]].concat();
+        assert!(lengths_hold(op::CHUNK, &chunk(3)).is_some());
+        assert!(lengths_hold(op::CHUNK, &chunk(u32::MAX)).is_none());
+        assert!(lengths_hold(op::CHANNEL, &[0; 6]).is_none());
+        assert!(lengths_hold(op::SCHEMA, &[0; 14]).is_some());
+    }
 }
