@@ -141,6 +141,7 @@ fn watch(
     let mut checkpoints: Vec<Checkpoint> = Vec::new();
     while !stop.load(Ordering::Relaxed) && subject.is_running() {
         if let Some(status) = statuses.take_newest()
+            && (checkpoints.len() as u64) < CHECKPOINTS
             && status.header.cycle >= step * (checkpoints.len() as u64 + 1)
         {
             let checkpoint = Checkpoint {

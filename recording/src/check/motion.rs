@@ -13,8 +13,9 @@ const MOVING: f64 = 0.05;
 const SPEEDS: f64 = 1.3;
 /// Part of the speeds' squares that one frequency makes up: above it there is no other. There and back at one speed has 0.81.
 const ONE_FREQUENCY: f64 = 0.86;
-/// Frequencies that are tried: the slowest makes a few swings, the fastest is told by a few blocks a swing.
-const FREQUENCIES_HZ: [f64; 2] = [0.1, 4.0];
+/// Fewer swings are any motion's, and a faster one is not told by a few blocks a swing.
+const SWINGS_MIN: f64 = 4.0;
+const FREQUENCY_MAX_HZ: f64 = 4.0;
 /// A signal that keeps one value for as long while the joint moves is stuck.
 const STUCK_S: f64 = 0.2;
 /// Share of its whole way that the joint moves meanwhile.
@@ -120,10 +121,11 @@ fn one_frequency(timed: &[(f64, f64)]) -> Option<Finding> {
         }
         2.0 * (sine * sine + cosine * cosine) / (timed.len() as f64 * square)
     };
+    let lowest_hz = SWINGS_MIN / (to_s - from_s);
     let step_hz = 0.25 / (to_s - from_s);
-    let count = ((FREQUENCIES_HZ[1] - FREQUENCIES_HZ[0]) / step_hz) as usize;
+    let count = ((FREQUENCY_MAX_HZ - lowest_hz) / step_hz) as usize;
     let (hz, share) = (0..count)
-        .map(|k| FREQUENCIES_HZ[0] + k as f64 * step_hz)
+        .map(|k| lowest_hz + k as f64 * step_hz)
         .map(|hz| (hz, share(hz)))
         .max_by(|a, b| a.1.total_cmp(&b.1))?;
     (share > ONE_FREQUENCY).then(|| {
