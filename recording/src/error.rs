@@ -37,7 +37,8 @@ pub enum ReadProblem {
     NotParquet,
     /// A Parquet file that cannot be decoded.
     #[error(
-        "is a Parquet file that cannot be decoded: {0}; it was cut short, damaged or encrypted"
+        "is a Parquet file that cannot be decoded: {}; it was cut short, damaged or encrypted",
+        one_line(.0)
     )]
     Parquet(String),
     /// More values than a table in memory shall hold.
@@ -53,7 +54,8 @@ pub enum ReadProblem {
     },
     /// A Parquet column of something else than numbers.
     #[error(
-        "column `{column}` holds {found}, not numbers; write it as floating-point numbers or integers"
+        "column `{}` holds {found}, not numbers; write it as floating-point numbers or integers",
+        one_line(column)
     )]
     ColumnType {
         /// Its name.
@@ -67,7 +69,7 @@ pub enum ReadProblem {
     )]
     NothingRecorded,
     /// Bytes that no MCAP writer writes.
-    #[error("is damaged at byte {offset}: {what}")]
+    #[error("is damaged at byte {offset}: {}", one_line(what))]
     Damaged {
         /// Of the record in the file.
         offset: u64,
@@ -76,7 +78,8 @@ pub enum ReadProblem {
     },
     /// A compression this reader does not know.
     #[error(
-        "is compressed with `{compression}`; only {known} and uncompressed files of its kind are read, so convert it first"
+        "is compressed with `{}`; only {known} and uncompressed files of its kind are read, so convert it first",
+        one_line(compression)
     )]
     UnknownCompression {
         /// As the file names it.
@@ -116,7 +119,10 @@ pub enum ReadProblem {
         time_s: f64,
     },
     /// An infinite value.
-    #[error("{place}: {column} is {value}; a value that is not there is left empty")]
+    #[error(
+        "{place}: {} is {value}; a value that is not there is left empty",
+        one_line(column)
+    )]
     NotFinite {
         /// Line, row or cycle.
         place: Place,
@@ -151,7 +157,7 @@ pub enum ReadProblem {
         columns: Vec<String>,
     },
     /// A mapped column is not there.
-    #[error("has no column `{column}`, which `{key}` in the mapping file asks for{}", did_you_mean(.nearest))]
+    #[error("has no column `{}`, which `{}` in the mapping file asks for{}", one_line(column), one_line(key), did_you_mean(.nearest))]
     NoColumn {
         /// The key in the mapping file.
         key: String,
@@ -161,7 +167,7 @@ pub enum ReadProblem {
         nearest: Option<String>,
     },
     /// Two columns of one name.
-    #[error("has two columns named `{column}`; rename one")]
+    #[error("has two columns named `{}`; rename one", one_line(column))]
     AmbiguousColumn {
         /// The name.
         column: String,
@@ -178,7 +184,9 @@ pub enum ReadProblem {
     },
     /// A cell that is no number.
     #[error(
-        "{place}, column `{column}`: `{cell}` is not a number (a decimal point is expected, no unit)"
+        "{place}, column `{}`: `{}` is not a number (a decimal point is expected, no unit)",
+        one_line(column),
+        one_line(cell)
     )]
     NotANumber {
         /// Line or row.
@@ -189,7 +197,11 @@ pub enum ReadProblem {
         cell: String,
     },
     /// A segment that is no integer.
-    #[error("{place}, column `{column}`: `{cell}` is not an integer, which a segment is")]
+    #[error(
+        "{place}, column `{}`: `{}` is not an integer, which a segment is",
+        one_line(column),
+        one_line(cell)
+    )]
     NotAnInteger {
         /// Line or row.
         place: Place,
@@ -199,7 +211,7 @@ pub enum ReadProblem {
         cell: String,
     },
     /// A row without a time.
-    #[error("{place}: no time in column `{column}`")]
+    #[error("{place}: no time in column `{}`", one_line(column))]
     NoTime {
         /// Line or row.
         place: Place,
@@ -230,7 +242,7 @@ pub enum MappingProblem {
     #[error("cannot be read: {0}")]
     Io(io::Error),
     /// Not TOML.
-    #[error("is not TOML, line {line}: {what}")]
+    #[error("is not TOML, line {line}: {}", one_line(what))]
     Toml {
         /// From one on.
         line: usize,
@@ -238,7 +250,7 @@ pub enum MappingProblem {
         what: String,
     },
     /// A key that means nothing here.
-    #[error("unknown key `{key}`{}", did_you_mean(.nearest))]
+    #[error("unknown key `{}`{}", one_line(key), did_you_mean(.nearest))]
     UnknownKey {
         /// With the tables around it.
         key: String,
@@ -246,7 +258,7 @@ pub enum MappingProblem {
         nearest: Option<String>,
     },
     /// A value of the wrong kind.
-    #[error("`{key}` must be {expected}")]
+    #[error("`{}` must be {expected}", one_line(key))]
     WrongValue {
         /// With the tables around it.
         key: String,
@@ -284,7 +296,7 @@ pub enum WriteError {
         cause: parquet::errors::ParquetError,
     },
     /// A joint name that a topic or a list of names cannot hold.
-    #[error("joint name `{name}` {problem}")]
+    #[error("joint name `{}` {problem}", one_line(name))]
     JointName {
         /// The name.
         name: String,
@@ -366,6 +378,24 @@ impl fmt::Display for Place {
     }
 }
 
+/// What a file holds, as a message quotes it: control characters escaped and the end of a long text left out, so that the
+/// message stays one line.
+pub(crate) fn one_line(text: &str) -> String {
+    const LENGTH_MAX: usize = 200;
+    let mut line = String::new();
+    for c in text.trim().chars().take(LENGTH_MAX) {
+        if c.is_control() {
+            line.extend(c.escape_default());
+        } else {
+            line.push(c);
+        }
+    }
+    if text.chars().nth(LENGTH_MAX).is_some() {
+        line.push('…');
+    }
+    line
+}
+
 /// The candidate most like `name`, unless none is.
 pub(crate) fn nearest<'a>(
     name: &str,
@@ -388,7 +418,7 @@ pub(crate) fn nearest<'a>(
 
 fn did_you_mean(nearest: &Option<String>) -> String {
     nearest.as_ref().map_or_else(String::new, |nearest| {
-        format!("; did you mean `{nearest}`?")
+        format!("; did you mean `{}`?", one_line(nearest))
     })
 }
 
@@ -401,7 +431,7 @@ pub(crate) fn list(names: &[String]) -> String {
     let mut shown: Vec<_> = names
         .iter()
         .take(SHOWN)
-        .map(|name| format!("`{name}`"))
+        .map(|name| format!("`{}`", one_line(name)))
         .collect();
     if names.len() > SHOWN {
         shown.push(format!("{} more", names.len() - SHOWN));

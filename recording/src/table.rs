@@ -1,6 +1,6 @@
 //! A recording in memory: one row per control cycle, one column per signal of a joint.
 
-use crate::error::list;
+use crate::error::{list, one_line};
 use crate::{Signal, WriteError};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -35,7 +35,7 @@ pub struct JointColumns {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MissingSignal {
     /// No joint has that name.
-    #[error("the recording has no joint `{joint}`; its joints are {}", list(.there))]
+    #[error("the recording has no joint `{}`; its joints are {}", one_line(joint), list(.there))]
     Joint {
         /// The name asked for.
         joint: String,
@@ -43,7 +43,7 @@ pub enum MissingSignal {
         there: Vec<String>,
     },
     /// The joint is there and the signal is not.
-    #[error("the recording has no {signal} of joint `{joint}`; it has {}", list(.there))]
+    #[error("the recording has no {signal} of joint `{}`; it has {}", one_line(joint), list(.there))]
     Signal {
         /// The joint's name.
         joint: String,
