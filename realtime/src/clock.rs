@@ -31,3 +31,17 @@ pub fn sleep_until(instant_ns: u64) -> bool {
     };
     outcome == 0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sleep_ends_at_its_instant_or_later_and_at_once_if_that_has_passed() {
+        let begun_ns = monotonic_ns();
+        assert!(sleep_until(0));
+        let instant_ns = monotonic_ns() + 1_000_000;
+        assert!(sleep_until(instant_ns));
+        assert!(monotonic_ns() >= instant_ns && instant_ns > begun_ns);
+    }
+}

@@ -183,6 +183,7 @@ mod tests {
     use super::*;
 
     #[test]
+    #[cfg_attr(miri, ignore = "Miri has no sched_getparam")]
     fn a_refused_wish_is_reported_and_not_claimed() {
         let cores = usable_cores();
         let request = Request {

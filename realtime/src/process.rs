@@ -43,6 +43,33 @@ pub fn user_id() -> u32 {
 
 /// Sends `signal` to the process `pid`; `false` if there is none or it is not ours.
 pub fn send_signal(pid: u32, signal: i32) -> bool {
-    // SAFETY: kill takes plain numbers; a wrong pid is reported by its result.
-    unsafe { libc::kill(pid as libc::pid_t, signal) == 0 }
+    // Zero and what does not fit mean whole groups of processes to the kernel.
+    match libc::pid_t::try_from(pid) {
+        // SAFETY: kill takes plain numbers; a wrong pid is reported by its result.
+        Ok(pid) if pid > 0 => unsafe { libc::kill(pid, signal) == 0 },
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[cfg_attr(miri, ignore = "Miri has no prctl")]
+    fn a_thread_is_named() {
+        let name = || std::fs::read_to_string("/proc/thread-self/comm").unwrap_or_default();
+        set_name("a name of more than fifteen bytes");
+        assert_eq!(name(), "a name of more \n");
+        set_name("not\0a name");
+        assert_eq!(name(), "a name of more \n");
+    }
+
+    #[test]
+    #[cfg_attr(miri, ignore = "Miri has no kill")]
+    fn no_group_of_processes_is_signalled() {
+        assert!(send_signal(std::process::id(), 0));
+        assert!(!send_signal(0, 0));
+        assert!(!send_signal(u32::MAX, 0));
+    }
 }

@@ -110,7 +110,7 @@ pub enum RobotError {
 /// Names the nearest known name, or all of them where none is near.
 fn hint(found: &str, known: &[String]) -> String {
     match nearest(found, known) {
-        Some(name) => format!("did you mean `{name}`?"),
+        Some(name) => format!("did you mean `{}`?", one_line(name)),
         None if known.is_empty() => "none is allowed here, remove it".to_owned(),
         None => format!("known: {}", one_line(&known.join(", "))),
     }
@@ -175,6 +175,11 @@ mod tests {
         assert_eq!(
             error.to_string(),
             "a b.toml, joint `x y`: unknown key `z`; none is allowed here, remove it"
+        );
+        let error = place.unknown("joint", "elbow", &["elbow\n".to_owned()]);
+        assert_eq!(
+            error.to_string(),
+            "a b.toml, joint `x y`: unknown joint `elbow`; did you mean `elbow`?"
         );
     }
 }

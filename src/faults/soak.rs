@@ -48,7 +48,8 @@ const ZERO: [&str; 8] = [
 /// What one process held at a checkpoint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Held {
-    /// Resident memory, in KiB.
+    /// Resident memory of its own or shared, in KiB, without pages of program files, which the kernel takes and brings back as
+    /// it likes.
     pub memory_kib: u64,
     /// Open files.
     pub files: u64,
@@ -173,10 +174,11 @@ fn held_by(subject: &Subject) -> BTreeMap<String, Held> {
 
 /// Of the text of `/proc/PID/status`.
 fn resident_kib(status: &str) -> Option<u64> {
-    let line = status
-        .lines()
-        .find_map(|line| line.strip_prefix("VmRSS:"))?;
-    line.split_whitespace().next()?.parse().ok()
+    let kib = |key: &str| -> Option<u64> {
+        let line = status.lines().find_map(|line| line.strip_prefix(key))?;
+        line.split_whitespace().next()?.parse().ok()
+    };
+    Some(kib("RssAnon:")? + kib("RssShmem:")?)
 }
 
 impl SoakReport {
@@ -331,8 +333,11 @@ mod tests {
     #[test]
     fn resident_memory_is_read() {
         assert_eq!(
-            resident_kib("VmPeak:\t9 kB\nVmRSS:\t  1234 kB\n"),
-            Some(1234)
+            resident_kib(
+                "VmRSS:\t  1234 kB\nRssAnon:\t 1000 kB\nRssFile:\t 200 kB\nRssShmem:\t  34 kB\n"
+            ),
+            Some(1034)
         );
+        assert_eq!(resident_kib("VmRSS:\t  1234 kB\n"), None);
     }
 }
