@@ -124,12 +124,13 @@ pub fn explain(search: &Search<'_>, settled: &[Term]) -> Result<Explanation, Fil
         terms: settled.to_vec(),
     };
     let (round, without) = known_fitted(search, &start)?;
-    let mut first = Step::new(search, round, &without)?;
     let is_gap = is_beyond(search, &search.residual_nm(&start)?, 1.0)
         && is_beyond(search, &without.residual_nm, WITHIN_TWIN);
-    if !is_gap {
-        first.quiet();
-    }
+    let first = if is_gap {
+        Step::new(search, round, &without)?
+    } else {
+        Step::quiet(round, &without)
+    };
     let mut growing = Growing {
         search,
         settled: settled.len(),
@@ -394,10 +395,19 @@ impl Step {
     }
 
     /// Nothing beyond noise: no explanation is worth naming.
-    fn quiet(&mut self) {
-        self.refitted.clear();
-        self.structure.clear();
-        self.standings.quiet();
-        self.probabilities = self.standings.probabilities(&self.round.ranking);
+    fn quiet(round: Round, base: &Refined) -> Self {
+        let mut standings = standings(&round.ranking);
+        standings.quiet();
+        Self {
+            best_nats: 0.0,
+            gain: 0.0,
+            base: base.clone(),
+            structure: Vec::new(),
+            probabilities: standings.probabilities(&round.ranking),
+            standings,
+            round,
+            refitted: Vec::new(),
+            added: None,
+        }
     }
 }

@@ -1,10 +1,11 @@
 //! What was found in the samples is taken out before anything is fitted: rows that were not measured anew are no
-//! measurement, and an encoder's steps are those it has. What the file itself tells of the whole arm is put into its links.
+//! measurement, and an encoder's steps are those it has. A torque that was not measured anew is known from its command: a
+//! controller that saw the joint stand still and then leap kicks it, and those kicks lie in and beside the lost rows. What the file itself tells of the whole arm is put into its links.
 
 use recording::{JointColumns, Recording, Signal};
 use robot::{Effect, EncoderSide, Robot};
 
-use crate::samples::Found;
+use crate::samples::{Found, weights_of_commands};
 
 /// Signals that a lost sample repeats.
 const MEASURED: [Signal; 4] = [
@@ -38,6 +39,7 @@ pub fn recordings(
         for joint in &mut mended.joints {
             if lost.contains(&joint.name.as_str()) {
                 blank_repeats(joint);
+                torque_from_commands(joint, 1.0 / table.sample_rate_hz);
             }
         }
         mended
@@ -61,6 +63,37 @@ fn blank_repeats(joint: &mut JointColumns) {
                 values[k] = f64::NAN;
             }
         }
+    }
+}
+
+/// Puts the drive's answer to its commands where the torque was not measured anew, with what the torque has beyond that
+/// before and after.
+fn torque_from_commands(joint: &mut JointColumns, period_s: f64) {
+    let weights = weights_of_commands(&[joint], period_s);
+    let command_nm = joint.signals.get(&Signal::CommandTorqueNm).cloned();
+    let torque_nm = joint.signals.get_mut(&Signal::MotorTorqueNm);
+    let (Some(weights), Some(command_nm), Some(torque_nm)) = (weights, command_nm, torque_nm)
+    else {
+        return;
+    };
+    let answer_nm = |k: usize| -> f64 {
+        let past = command_nm[..=k].iter().rev();
+        weights.iter().zip(past).map(|(w, u)| w * u).sum()
+    };
+    let mut before = None;
+    for k in weights.len()..torque_nm.len() {
+        let beyond_nm = torque_nm[k] - answer_nm(k);
+        if !beyond_nm.is_finite() {
+            continue;
+        }
+        if let Some((from, from_nm)) = before {
+            let rows = (k - from) as f64;
+            for lost in from + 1..k {
+                let share = (lost - from) as f64 / rows;
+                torque_nm[lost] = answer_nm(lost) + from_nm + share * (beyond_nm - from_nm);
+            }
+        }
+        before = Some((k, beyond_nm));
     }
 }
 
@@ -108,5 +141,29 @@ mod tests {
         assert!(position_rad[2].is_nan());
         assert_eq!(position_rad[3], 0.1);
         assert_eq!(joint.signals[&Signal::CommandTorqueNm], [1.0; 5]);
+    }
+
+    #[test]
+    fn a_lost_torque_is_the_drives_answer_to_its_commands() {
+        let is_lost = |k: usize| k % 7 == 3 || k % 11 == 4;
+        let command_nm: Vec<f64> = (0..2000)
+            .map(|k| (0.01 * f64::from(k)).sin() + f64::from(k * 7919 % 101) / 101.0)
+            .collect();
+        let torque_nm = |k: usize| 0.3 + command_nm[k.saturating_sub(2)];
+        let shown = (0..2000).map(|k| if is_lost(k) { f64::NAN } else { torque_nm(k) });
+        let mut joint = JointColumns {
+            name: "joint1".to_owned(),
+            signals: [
+                (Signal::MotorTorqueNm, shown.collect()),
+                (Signal::CommandTorqueNm, command_nm.clone()),
+            ]
+            .into(),
+        };
+        torque_from_commands(&mut joint, 1e-3);
+        let mended_nm = &joint.signals[&Signal::MotorTorqueNm];
+        for k in 100..1990 {
+            let off_nm = mended_nm[k] - torque_nm(k);
+            assert!(off_nm.abs() < 0.01, "row {k}: {off_nm}");
+        }
     }
 }

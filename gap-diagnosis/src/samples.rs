@@ -21,6 +21,8 @@ const TAPS: usize = 32;
 const SURE_STEP: f64 = 8.0;
 /// Time constant of a current loop as it should be.
 const FAST_LAG_S: f64 = 3e-4;
+/// Those of current loops that nobody would call slow.
+const FAST_LAGS_S: [f64; 3] = [0.0, 0.5 * FAST_LAG_S, FAST_LAG_S];
 /// Tenths of a sample by which the torque may be later than the controller's delay.
 const LATE_STEPS: i32 = 4;
 /// What a slower response must be worth, in squared standard deviations.
@@ -249,6 +251,13 @@ fn pairs<'a>(columns: &'a [&JointColumns]) -> impl Iterator<Item = (&'a Vec<f64>
     })
 }
 
+/// By how much each of the last commands counts in the drive's torque, newest first; none where too few rows tell.
+pub(crate) fn weights_of_commands(columns: &[&JointColumns], period_s: f64) -> Option<Vec<f64>> {
+    let response = Response::of(columns, period_s)?;
+    let (follow, _) = response.best(&delays(0.0), &[&FAST_LAGS_S[..], &slow_lags_s()].concat());
+    Some(response.taps(follow).iter().copied().collect())
+}
+
 /// Rows in which the drive's torque stayed with the command before.
 fn lost_commands(columns: &[&JointColumns], response: Option<&Response>) -> Option<Found> {
     let response = response?;
@@ -290,6 +299,11 @@ fn delays(from: f64) -> Vec<f64> {
         .collect()
 }
 
+/// Time constants of slower and slower current loops.
+fn slow_lags_s() -> Vec<f64> {
+    (0..40).map(|k| FAST_LAG_S * 1.12_f64.powi(k)).collect()
+}
+
 /// Lag of the current loop and delay of the command, beyond what the robot file's controller has.
 fn slow_drive(response: Option<&Response>, delay_cycles: usize) -> Vec<Found> {
     let Some(response) = response else {
@@ -300,10 +314,9 @@ fn slow_drive(response: Option<&Response>, delay_cycles: usize) -> Vec<Found> {
     let usual: Vec<f64> = (0..=LATE_STEPS)
         .map(|k| told + 0.1 * f64::from(k))
         .collect();
-    let fast = [0.0, 0.5 * FAST_LAG_S, FAST_LAG_S];
-    let lags: Vec<f64> = (0..40).map(|k| FAST_LAG_S * 1.12_f64.powi(k)).collect();
-    let (_, as_told) = response.best(&usual, &fast);
-    let (late, with_delay) = response.best(&delays(told), &fast);
+    let lags = slow_lags_s();
+    let (_, as_told) = response.best(&usual, &FAST_LAGS_S);
+    let (late, with_delay) = response.best(&delays(told), &FAST_LAGS_S);
     let (slow, with_lag) = response.best(&usual, &lags);
     let (both, least) = response.best(&delays(told), &lags);
     let variance = (least / response.rows as f64).max(1e-300);

@@ -86,7 +86,7 @@ pub trait Noise {
 }
 
 /// Longest substep: friction and gear are implicit, so this is for accuracy only.
-const SUBSTEP_S: f64 = 4e-4;
+const SUBSTEP_S: f64 = 7e-4;
 /// Twist by which the gear's slope is found.
 const PROBE_RAD: f64 = 1e-7;
 /// Commands and positions that are remembered for delays.
@@ -111,6 +111,11 @@ pub fn simulate(
     let mut loop_ = Loop::new(feedback);
     let substeps = (drive.period_s / SUBSTEP_S).ceil().max(1.0) as usize;
     let step_s = drive.period_s / substeps as f64;
+    let answer = if model.current_lag_s > 0.0 {
+        -(-step_s / model.current_lag_s).exp_m1()
+    } else {
+        1.0
+    };
     for k in 0..samples {
         let measured = joint.measure(model, drive.period_s, noise.as_deref_mut());
         let added_nm = match feedback.way {
@@ -137,7 +142,7 @@ pub fn simulate(
         let delay = feedback.delay_samples + model.command_delay_s / drive.period_s;
         for substep in 0..substeps {
             let share = substep as f64 / substeps as f64;
-            joint.drive(model, delay - share, 1.0 / substeps as f64, step_s);
+            joint.drive(model, delay - share, 1.0 / substeps as f64, answer);
             joint.advance(model, load, k, share, time_s, step_s);
         }
     }
@@ -299,8 +304,11 @@ impl State {
             self.holding_nm,
         ];
         let periods = model.sensor_delay_s / period_s;
-        let seen = [0, 1, 2, 3, 4]
-            .map(|signal| delayed(periods, |age| self.seen[self.index(age)][signal]));
+        let seen = if periods > 0.0 {
+            [0, 1, 2, 3, 4].map(|signal| delayed(periods, |age| self.seen[self.index(age)][signal]))
+        } else {
+            self.seen[self.newest]
+        };
         let shown = Measured::of(model, seen);
         let Some(noise) = noise else {
             return shown;
@@ -348,8 +356,9 @@ impl State {
         self.commands_nm[self.newest] = if kept { command_nm } else { before };
     }
 
-    /// The current loop, for a command that is so many periods old at the beginning of a substep of so many periods.
-    fn drive(&mut self, model: &JointModel, age: f64, periods: f64, step_s: f64) {
+    /// The current loop, for a command that is so many periods old at the beginning of a substep of so many periods, by the
+    /// part of the difference that it makes up in one.
+    fn drive(&mut self, model: &JointModel, age: f64, periods: f64, answer: f64) {
         // a command is held until the next is old enough, which may be within the substep
         let older = (age - 1e-9).ceil().max(0.0);
         let limit_nm = model.torque_limit_nm * model.gear_ratio;
@@ -359,12 +368,7 @@ impl State {
         };
         let share_of_older = ((age - (older - 1.0)) / periods).clamp(0.0, 1.0);
         let demand_nm = held(older) + (1.0 - share_of_older) * (held(older - 1.0) - held(older));
-        let share = if model.current_lag_s > 0.0 {
-            -(-step_s / model.current_lag_s).exp_m1()
-        } else {
-            1.0
-        };
-        self.drive_nm += share * (demand_nm - self.drive_nm);
+        self.drive_nm += answer * (demand_nm - self.drive_nm);
     }
 
     /// Motor and link to the end of a substep.

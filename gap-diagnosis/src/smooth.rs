@@ -18,13 +18,10 @@ pub fn low_pass(values: &[f64], cutoff_hz: f64, rate_hz: f64) -> Result<Vec<f64>
     let before = (1..=margin).rev().map(|k| 2.0 * first - values[k]);
     let after = (1..=margin).map(|k| 2.0 * last - values[values.len() - 1 - k]);
     let mut padded: Vec<f64> = before.chain(values.iter().copied()).chain(after).collect();
-    for _ in 0..2 {
-        filter.reset(padded[0]);
-        for value in &mut padded {
-            *value = filter.step(*value);
-        }
-        padded.reverse();
-    }
+    filter.reset(padded[0]);
+    filter.run(padded.iter_mut());
+    filter.reset(padded[padded.len() - 1]);
+    filter.run(padded.iter_mut().rev());
     Ok(padded[margin..margin + values.len()].to_vec())
 }
 

@@ -115,6 +115,20 @@ impl Butterworth {
             .fold(input, |value, section| section.step(value))
     }
 
+    /// Replaces each input by its output, first to last.
+    pub fn run<'a>(&mut self, values: impl Iterator<Item = &'a mut f64>) {
+        if let [first, second] = self.sections.as_mut_slice() {
+            // copies stay in registers
+            let (mut one, mut other) = (*first, *second);
+            for value in values {
+                *value = other.step(one.step(*value));
+            }
+            (*first, *second) = (one, other);
+        } else {
+            values.for_each(|value| *value = self.step(*value));
+        }
+    }
+
     /// Puts the filter where an endless constant input would have put it: the next output for that input is the value.
     pub fn reset(&mut self, value: f64) {
         for section in &mut self.sections {
