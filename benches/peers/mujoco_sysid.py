@@ -1,9 +1,10 @@
 """Fits a joint's friction and armature with the system identification of the package mujoco, as its README does it.
 
-    mujoco_sysid.py ROBOT.toml FIT.csv HELD_OUT.csv STEP_S RESULT.json
+    mujoco_sysid.py ROBOT.toml FIT.csv HELD_OUT.csv STEP_S even|weighed RESULT.json
 
 Its default optimiser, its default residual, one thread. What is compared is the joint's state: MuJoCo's position sensor shows the
-position one step before, which a fit takes for less inertia and viscous friction. Time begins with the data in memory and includes building the
+position one step before, which a fit takes for less inertia and viscous friction. `weighed` gives rows near reversals, where
+MuJoCo's friction has no spring before it slips, the weight that Flexspline gives them. Time begins with the data in memory and includes building the
 model; every call of the residual is noted with its instant, and afterwards run on the held-out log.
 """
 
@@ -12,6 +13,7 @@ import sys
 import mujoco
 import numpy as np
 from mujoco import sysid
+from mujoco.sysid._src import signal_modifier
 
 import signals
 
@@ -26,7 +28,7 @@ def model_spec(joint, step_s):
     inertia = joint.inertia_kg_m2
     return mujoco.MjSpec.from_string(f"""
 <mujoco>
-  <option timestep="{step_s}" integrator="implicitfast" gravity="0 0 {-joint.gravity_m_s2}"/>
+  <option timestep="{step_s}" gravity="0 0 {-joint.gravity_m_s2}"/>
   <worldbody>
     <body name="link">
       <inertial pos="0 0 {-joint.centre_m}" mass="{joint.mass_kg}" diaginertia="{inertia} {inertia} {inertia}"/>
@@ -74,14 +76,31 @@ def parameters(joint):
     return found
 
 
+def weighed(log):
+    """The default residual of one sequence, times the weights of its rows."""
+    weights = signals.reversal_weights(log)
+
+    def modify(params, predicted, measured, model, return_pred_all, state=None, **_):
+        predicted = sysid.TimeSeries(state[:, 0], state[:, 1:2], measured.signal_mapping)
+        measured = signal_modifier.apply_delayed_ts_window(measured, predicted, 0.0, 0.0)
+        predicted = predicted.resample(measured.times)
+        left = signal_modifier.weighted_diff(predicted_data=predicted.data, measured_data=measured.data, model=model)
+        left = signal_modifier.normalize_residual(left, measured.data)
+        return left * np.interp(measured.times, log.time_s, weights)[:, None], predicted, measured
+
+    return modify
+
+
 def main():
-    robot, fit, held_out, step_s, result = sys.argv[1:]
+    robot, fit, held_out, step_s, rows, result = sys.argv[1:]
     joint = signals.read_joint(robot)
     fit, held_out = signals.read_log(fit, joint), signals.read_log(held_out, joint)
     trace, rollouts = [], 0
     clock = signals.Clock()
     start = parameters(joint)
-    residual = sysid.build_residual_fn(models_sequences=[sequences(model_spec(joint, step_s), [fit])], n_threads=1)
+    options = {"modify_residual": weighed(fit)} if rows == "weighed" else {}
+    fitted = sequences(model_spec(joint, step_s), [fit])
+    residual = sysid.build_residual_fn(models_sequences=[fitted], n_threads=1, **options)
 
     def noted(x, *rest, **options):
         nonlocal rollouts
@@ -112,7 +131,7 @@ def main():
         entry["own_error_rad"] = own_error_rad(entry["values"])
     signals.write(
         result,
-        name=f"mujoco {mujoco.__version__} sysid, step {1000 * float(step_s):.3g} ms",
+        name=f"mujoco {mujoco.__version__} sysid, step {1000 * float(step_s):.3g} ms, rows {rows}",
         seconds=seconds,
         wall_seconds=wall_seconds,
         runs=rollouts,

@@ -20,6 +20,8 @@ from scipy.signal import butter, filtfilt
 LOW_PASS_HZ = 60.0
 # Nobody knows how far friction was wound up when the recording began.
 START_S = 0.5
+# As gap-diagnosis/src/whiten.rs.
+REVERSAL, REVERSAL_S = 15.0, 0.12
 
 
 @dataclass
@@ -109,6 +111,15 @@ def read_log(path, joint):
     torque_nm = filtfilt(*low_pass, acting_nm)
     goal_rad = position_rad + (torque_nm + joint.damping_nm_s_rad * velocity_rad_s) / joint.stiffness_nm_rad
     return Log(time_s - time_s[0], position_rad, velocity_rad_s, torque_nm, goal_rad)
+
+
+def reversal_weights(log):
+    """Factors of a residual as Flexspline's diagnosis has them: friction before it slips follows another law."""
+    turns_s = log.time_s[1:][np.diff(np.sign(log.velocity_rad_s)) != 0]
+    after = np.searchsorted(turns_s, log.time_s)
+    padded_s = np.concatenate([[-np.inf], turns_s, [np.inf]])
+    nearest_s = np.minimum(log.time_s - padded_s[after], padded_s[after + 1] - log.time_s)
+    return 1.0 / np.sqrt(1.0 + (REVERSAL * np.exp(-np.square(nearest_s / REVERSAL_S))) ** 2)
 
 
 def rms_after_start(time_s, away_rad):

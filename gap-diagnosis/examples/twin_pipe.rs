@@ -7,8 +7,9 @@
 //! friction in Nm s/rad at the joint side, rotor inertia in kg m² at the motor side.
 //!
 //! - `residual C V J`: the whitened residual, all compared numbers.
-//! - `errors C V J`: root mean squares of what is left of the motor channel, in Nm, and of recorded less simulated motor
-//!   position under the robot file's controller, in rad at the joint side, the first half second aside.
+//! - `errors C V J`: root mean squares of what is left of the motor channel, in Nm, weighted as in a report of the
+//!   diagnosis (rows near a reversal count little), and of recorded less simulated motor position under the robot file's
+//!   controller, in rad at the joint side, the first half second aside.
 //! - `refit`: `C V J` fitted by the diagnosis' own Gauss-Newton steps from zero, the robot file's known values beside them.
 //!
 //! The answer is a count as an unsigned integer of eight bytes and as many floating-point numbers of eight bytes, all
@@ -19,6 +20,7 @@ use std::io::{BufRead, Write};
 use std::path::Path;
 
 use gap_diagnosis::hypothesis::plain;
+use gap_diagnosis::judge::Squares;
 use gap_diagnosis::observe::Channel;
 use gap_diagnosis::search::{Model, Search, Term};
 use gap_diagnosis::stretch::stretches;
@@ -95,12 +97,7 @@ fn residual(search: &Search<'_>, changes: &Changes) -> Result<Vec<f64>, Box<dyn 
 }
 
 fn errors(search: &Search<'_>, changes: &Changes) -> Result<[f64; 2], Box<dyn Error>> {
-    let rows = search.twin.rows.iter();
-    let motor_nm = left_nm(search, changes)?
-        .into_iter()
-        .zip(rows)
-        .filter(|(_, row)| row.channel == Channel::Motor)
-        .map(|(left_nm, _)| left_nm);
+    let torque = Squares::of(search, &left_nm(search, changes)?, Channel::Motor);
     let mut away_rad = Vec::new();
     for (piece, stretch) in search.twin.stretches().into_iter().enumerate() {
         let simulated = search.twin.controlled(piece, changes);
@@ -108,16 +105,9 @@ fn errors(search: &Search<'_>, changes: &Changes) -> Result<[f64; 2], Box<dyn Er
         let pairs = stretch.drive.motor_rad.iter().zip(&simulated.motor_rad);
         away_rad.extend(pairs.skip(start).map(|(a, b)| a - b));
     }
-    Ok([rms(motor_nm), rms(away_rad)])
-}
-
-fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
-    let (mut square, mut count) = (0.0, 0.0);
-    for value in values {
-        square += value * value;
-        count += 1.0;
-    }
-    (square / f64::max(count, 1.0)).sqrt()
+    let square: f64 = away_rad.iter().map(|away_rad| away_rad * away_rad).sum();
+    let position_rad = (square / away_rad.len() as f64).sqrt();
+    Ok([torque.mean().sqrt(), position_rad])
 }
 
 fn refit(search: &Search<'_>) -> Result<[f64; 3], Box<dyn Error>> {
