@@ -10,7 +10,8 @@
 //! - `errors C V J`: root mean squares of what is left of the motor channel, in Nm, weighted as in a report of the
 //!   diagnosis (rows near a reversal count little), and of recorded less simulated motor position under the robot file's
 //!   controller, in rad at the joint side, the first half second aside.
-//! - `refit`: `C V J` fitted by the diagnosis' own Gauss-Newton steps from zero, the robot file's known values beside them.
+//! - `refit`: `C V J` fitted by the diagnosis' own Gauss-Newton steps from zero, the robot file's known values beside them
+//!   and what these found of the three included.
 //!
 //! The answer is a count as an unsigned integer of eight bytes and as many floating-point numbers of eight bytes, all
 //! little-endian. The first joint of the robot file is meant. `benches/peers/identify` uses this.
@@ -21,6 +22,7 @@ use std::path::Path;
 
 use gap_diagnosis::hypothesis::plain;
 use gap_diagnosis::judge::Squares;
+use gap_diagnosis::known::Known;
 use gap_diagnosis::observe::Channel;
 use gap_diagnosis::search::{Model, Search, Term};
 use gap_diagnosis::stretch::stretches;
@@ -130,6 +132,22 @@ fn refit(search: &Search<'_>) -> Result<[f64; 3], Box<dyn Error>> {
         Effect::RotorInertia { inertia_kg_m2 } => [0.0, 0.0, inertia_kg_m2],
         _ => [0.0; 3],
     };
-    let values = refined.model.terms.iter().map(value);
-    Ok(values.fold([0.0; 3], |sum, own| [0, 1, 2].map(|k| sum[k] + own[k])))
+    let nominal = &search.twin.nominal;
+    let known = search.twin.known.iter().zip(&refined.model.known);
+    let known = known.map(|(of, deviations)| {
+        let part = of.deviation * deviations;
+        match of.known {
+            Known::Coulomb => [part * nominal.friction.coulomb.coulomb_nm, 0.0, 0.0],
+            Known::Viscous => [0.0, part * nominal.friction.viscous.viscous_nm_s_rad, 0.0],
+            Known::RotorInertia => {
+                let motor_kg_m2 = nominal.rotor_inertia_kg_m2 / nominal.gear_ratio.powi(2);
+                [0.0, 0.0, part * motor_kg_m2]
+            }
+            _ => [0.0; 3],
+        }
+    });
+    let terms = refined.model.terms.iter().map(value);
+    Ok(terms
+        .chain(known)
+        .fold([0.0; 3], |sum, own| [0, 1, 2].map(|k| sum[k] + own[k])))
 }
