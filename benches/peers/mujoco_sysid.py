@@ -42,6 +42,16 @@ def model_spec(joint, step_s):
 </mujoco>""")
 
 
+def control(log, model):
+    """The goal at the model's own steps. The package spreads a control over whole steps from its first to its last instant:
+    were these no whole number of steps apart, the simulation would run ahead of the log by up to a step."""
+    steps = int(log.time_s[-1] / model.opt.timestep)
+    # a whole number must not be rounded up
+    time_s = (1.0 - 1e-9) * model.opt.timestep * np.arange(steps + 1)
+    goal_rad = np.interp(time_s, log.time_s, log.goal_rad)
+    return sysid.TimeSeries.from_control_names(time_s, goal_rad[:, None], model)
+
+
 def sequences(spec, logs):
     model = spec.compile()
     series = sysid.TimeSeries
@@ -52,7 +62,7 @@ def sequences(spec, logs):
         initial_state=[
             sysid.create_initial_state(model, log.position_rad[:1], log.velocity_rad_s[:1]) for log in logs
         ],
-        control=[series.from_control_names(log.time_s, log.goal_rad[:, None], model) for log in logs],
+        control=[control(log, model) for log in logs],
         sensordata=[series.from_names(log.time_s, log.position_rad[:, None], model, ["joint_qpos"]) for log in logs],
         allow_missing_sensors=True,
     )
