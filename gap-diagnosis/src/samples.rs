@@ -261,18 +261,24 @@ pub(crate) fn weights_of_commands(columns: &[&JointColumns], period_s: f64) -> O
 /// Rows in which the drive's torque stayed with the command before.
 fn lost_commands(columns: &[&JointColumns], response: Option<&Response>) -> Option<Found> {
     let response = response?;
-    let (follow, left) = response.best(&delays(0.0), &[0.0, FAST_LAG_S]);
+    let (follow, left) = response.best(&delays(0.0), &FAST_LAGS_S);
     // of steps, so of two samples' noise
     let noise_nm = (left / response.rows as f64 / 2.0).sqrt();
-    let main = follow.delay.round() as usize;
+    // a delay between two samples spreads each step over both
+    let weights = response.taps(follow);
     let (mut lost, mut of) = (0, 0);
     for (torque_nm, command_nm) in pairs(columns) {
         let digit_nm = smallest_step(torque_nm).unwrap_or(0.0);
         let sure_nm = SURE_STEP * noise_nm.max(digit_nm);
-        for k in main + 2..torque_nm.len() {
-            let step_nm = command_nm[k - main] - command_nm[k - main - 1];
+        let answer_nm = |k: usize| -> f64 {
+            let past = command_nm[..=k].iter().rev();
+            weights.iter().zip(past).map(|(w, u)| w * u).sum()
+        };
+        for k in TAPS..torque_nm.len() {
+            let expected_nm = answer_nm(k - 1);
+            let step_nm = answer_nm(k) - expected_nm;
             let given_nm = torque_nm[k] - torque_nm[k - 1];
-            let before_nm = torque_nm[k - 1] - command_nm[k - main - 1];
+            let before_nm = torque_nm[k - 1] - expected_nm;
             let stands_out = step_nm.abs() > sure_nm;
             if !stands_out || !given_nm.is_finite() {
                 continue;

@@ -86,7 +86,7 @@ pub trait Noise {
 }
 
 /// Longest substep: friction and gear are implicit, so this is for accuracy only.
-const SUBSTEP_S: f64 = 7e-4;
+const SUBSTEP_S: f64 = 4e-4;
 /// Twist by which the gear's slope is found.
 const PROBE_RAD: f64 = 1e-7;
 /// Commands and positions that are remembered for delays.
