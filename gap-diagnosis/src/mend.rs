@@ -88,9 +88,9 @@ fn torque_from_commands(joint: &mut JointColumns, period_s: f64) {
         }
         if let Some((from, from_nm)) = before {
             let rows = (k - from) as f64;
-            for lost in from + 1..k {
+            for (lost, torque_nm) in torque_nm[..k].iter_mut().enumerate().skip(from + 1) {
                 let share = (lost - from) as f64 / rows;
-                torque_nm[lost] = answer_nm(lost) + from_nm + share * (beyond_nm - from_nm);
+                *torque_nm = answer_nm(lost) + from_nm + share * (beyond_nm - from_nm);
             }
         }
         before = Some((k, beyond_nm));
