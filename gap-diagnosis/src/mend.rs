@@ -161,8 +161,8 @@ mod tests {
         };
         torque_from_commands(&mut joint, 1e-3);
         let mended_nm = &joint.signals[&Signal::MotorTorqueNm];
-        for k in 100..1990 {
-            let off_nm = mended_nm[k] - torque_nm(k);
+        for (k, mended_nm) in mended_nm[..1990].iter().enumerate().skip(100) {
+            let off_nm = mended_nm - torque_nm(k);
             assert!(off_nm.abs() < 0.01, "row {k}: {off_nm}");
         }
     }
