@@ -1,0 +1,75 @@
+//! Effects that the caller names, fitted to a recording by the diagnosis' own steps: what an effect is worth that the
+//! diagnosis did not choose.
+//!
+//! ```text
+//! cargo run --release -p gap-diagnosis --example fit_named -- robot.toml log.csv stribeck_friction
+//! ```
+//! The robot file's known values are fitted beside them and not told. Prints one line an effect, as a robot file's `effects`
+//! list has it, and behind `#` the whitened residual, root mean square, with no effect and with them. The first joint of the
+//! robot file is meant.
+
+use std::error::Error;
+use std::path::Path;
+
+use gap_diagnosis::hypothesis::{Hypothesis, plain};
+use gap_diagnosis::search::{Model, Search, Term};
+use gap_diagnosis::stretch::stretches;
+use gap_diagnosis::twin::JointTwin;
+
+const JOINT: usize = 0;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let (Some(robot), Some(path)) = (arguments.next(), arguments.next()) else {
+        return Err("give a robot file, a recording and the names of effects".into());
+    };
+    let robot = robot::load(&robot)?;
+    let recording = recording::read(Path::new(&path))?;
+    let stretches = stretches(&[&recording], &robot)?;
+    let twin = JointTwin::new(&robot, JOINT, &stretches)?;
+    let twin = twin.ok_or("no torque of the first joint is recorded")?;
+    let search = Search::new(&twin)?;
+    let alone = search.known_alone(&Model::default())?;
+    let size = |residual_nm: &[f64]| {
+        let white = search.whitener.apply(residual_nm);
+        (white.iter().map(|x| x * x).sum::<f64>() / white.len() as f64).sqrt()
+    };
+    let nothing = search.refine(&alone, &Model::default())?;
+    let mut best = (size(&nothing.residual_nm), nothing);
+    let before = best.0;
+    for name in arguments {
+        let offered = plain(&search.scale, false, false, false).into_iter();
+        let shapes: Vec<Hypothesis> = offered.filter(|shape| shape.effect == name).collect();
+        if shapes.is_empty() {
+            return Err(
+                format!("`{name}` is no effect that this recording can be asked for").into(),
+            );
+        }
+        let so_far = best.1.model.clone();
+        best.0 = f64::INFINITY;
+        for hypothesis in shapes {
+            let mut start = so_far.clone();
+            start.terms.push(Term {
+                amplitudes: vec![0.0; hypothesis.amplitudes()],
+                hypothesis,
+            });
+            let refined = search.refine(&alone, &start)?;
+            let left = size(&refined.residual_nm);
+            if left < best.0 {
+                best = (left, refined);
+            }
+        }
+    }
+    let (after, found) = best;
+    for term in &found.model.terms {
+        let effect = serde_json::to_value(term.effect(&search.scale))?;
+        let fields = effect.as_object().ok_or("an effect is a table")?;
+        let entries: Vec<String> = fields
+            .iter()
+            .map(|(key, value)| format!("{key} = {value}"))
+            .collect();
+        println!("  {{ {} }},", entries.join(", "));
+    }
+    println!("  # whitened residual {before:.3}, {after:.3}");
+    Ok(())
+}
