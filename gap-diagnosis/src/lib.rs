@@ -20,6 +20,7 @@ pub mod oracle;
 pub mod place;
 pub mod rank;
 pub mod refine;
+pub mod repeats;
 pub mod report;
 pub mod respond;
 pub mod samples;

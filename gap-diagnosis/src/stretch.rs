@@ -41,6 +41,8 @@ pub struct JointStretch {
 pub struct Stretch {
     /// Which of the recordings it is from.
     pub recording: usize,
+    /// The recording's row it begins with.
+    pub first_row: usize,
     /// Samples per second.
     pub rate_hz: f64,
     /// In the robot file's order; none where the joint's torque is not known.
@@ -76,16 +78,13 @@ pub fn stretches(recordings: &[&Recording], robot: &Robot) -> Result<Vec<Stretch
     let mut found = Vec::new();
     let mut longest_s = 0.0_f64;
     for (index, recording) in recordings.iter().enumerate() {
-        let rate_hz = recording.sample_rate_hz;
-        for rows in recording.segments() {
-            for rows in without_holes(&recording.time_s, rows, HOLE_MAX_S.max(3.0 / rate_hz)) {
-                let time_s = &recording.time_s[rows.clone()];
-                let length_s = time_s.last().unwrap_or(&0.0) - time_s.first().unwrap_or(&0.0);
-                longest_s = longest_s.max(length_s);
-                if length_s >= STRETCH_MIN_S {
-                    let grid = Grid::new(time_s, rows.start, rate_hz);
-                    found.push(stretch(index, recording, robot, &grid)?);
-                }
+        for rows in pieces(recording) {
+            let time_s = &recording.time_s[rows.clone()];
+            let length_s = time_s.last().unwrap_or(&0.0) - time_s.first().unwrap_or(&0.0);
+            longest_s = longest_s.max(length_s);
+            if length_s >= STRETCH_MIN_S {
+                let grid = Grid::new(time_s, rows.start, recording.sample_rate_hz);
+                found.push(stretch(index, recording, robot, &grid)?);
             }
         }
     }
@@ -93,6 +92,15 @@ pub fn stretches(recordings: &[&Recording], robot: &Robot) -> Result<Vec<Stretch
         return Err(StretchError::Short { longest_s });
     }
     Ok(found)
+}
+
+/// Rows without a hole among them, of one trajectory.
+pub(crate) fn pieces(recording: &Recording) -> Vec<std::ops::Range<usize>> {
+    let hole_s = HOLE_MAX_S.max(3.0 / recording.sample_rate_hz);
+    let segments = recording.segments().into_iter();
+    segments
+        .flat_map(|rows| without_holes(&recording.time_s, rows, hole_s))
+        .collect()
 }
 
 fn without_holes(
@@ -114,7 +122,8 @@ fn without_holes(
 }
 
 /// Instants at a constant rate, each between two rows.
-struct Grid {
+#[derive(Clone, Debug)]
+pub(crate) struct Grid {
     start_s: f64,
     period_s: f64,
     /// The row before, and how far it is to the next.
@@ -123,7 +132,8 @@ struct Grid {
 }
 
 impl Grid {
-    fn new(time_s: &[f64], first_row: usize, rate_hz: f64) -> Self {
+    /// Of rows that begin with the first one, at their times.
+    pub fn new(time_s: &[f64], first_row: usize, rate_hz: f64) -> Self {
         let rows = first_row..first_row + time_s.len();
         let start_s = time_s[0];
         let period_s = 1.0 / rate_hz;
@@ -143,8 +153,13 @@ impl Grid {
         }
     }
 
+    /// How many instants.
+    pub fn samples(&self) -> usize {
+        self.places.len()
+    }
+
     /// A signal at the grid's instants, with where it was there.
-    fn sample(&self, values: &[f64], scale: f64) -> (Vec<f64>, Vec<bool>) {
+    pub fn sample(&self, values: &[f64], scale: f64) -> (Vec<f64>, Vec<bool>) {
         let (bridged, whole) = bridge(&values[self.rows.clone()]);
         let first = self.rows.start;
         let last = bridged.len() - 1;
@@ -239,6 +254,7 @@ fn stretch(
         .collect::<Result<Vec<_>, MissingSignal>>()?;
     Ok(Stretch {
         recording: index,
+        first_row: grid.rows.start,
         rate_hz,
         joints,
         motion,
@@ -284,7 +300,7 @@ fn position_rad(
 }
 
 /// A signal with at least one value.
-fn measured(joint: &JointColumns, signal: Signal) -> Option<&[f64]> {
+pub(crate) fn measured(joint: &JointColumns, signal: Signal) -> Option<&[f64]> {
     let values = joint.signals.get(&signal)?;
     values
         .iter()
