@@ -14,9 +14,10 @@ use crate::explain::{Explanation, explain};
 use crate::hypothesis::{self, Scale};
 use crate::judge;
 use crate::mend;
+use crate::repeats::floor::Repeated;
 use crate::report::{
-    Candidate, Gap, JointReport, NamedEffect, Remaining, Report, SCHEMA, SharedEffect, TwinKind,
-    Verdict, Where,
+    Candidate, DataFinding, Gap, JointReport, NamedEffect, Remaining, Report, SCHEMA, SharedEffect,
+    TwinKind, Verdict, Where,
 };
 use crate::samples::{self, Found};
 use crate::search::{Search, Term};
@@ -118,7 +119,9 @@ pub fn diagnose(
                 JointTwin::new(robot, index, &stretches)
             })
             .collect::<Result<Vec<_>, FilterError>>()?;
-        let (joints, shared) = searched(&twins, counted, progress)?;
+        let repeated = Repeated::among(recordings);
+        let (joints, shared) = searched(robot, &twins, counted, &repeated, progress)?;
+        report.data.extend(repeated.that_differ());
         for (index, joint) in joints.iter().enumerate() {
             let name = &robot.joints[index].name;
             let Some((search, explanation)) = joint else {
@@ -139,6 +142,7 @@ pub fn diagnose(
                 poverty: checked.poverty(name),
             };
             report.joints.push(told.report()?);
+            report.data.extend(repeated.floor(name, search));
             traces.push(told.traces()?);
         }
         report.shared_effects = shared
@@ -146,6 +150,7 @@ pub fn diagnose(
             .map(|shared| shared_effect(robot, &joints, shared))
             .collect();
     }
+    report.data.sort_by_key(DataFinding::rank);
     report.compute_seconds = begin.elapsed().as_secs_f64();
     Ok(Diagnosis { report, traces })
 }
@@ -225,18 +230,22 @@ fn seconds(recording: &Recording) -> f64 {
 
 /// Explains every joint; where several share a cause, explains them again beside it.
 fn searched<'a>(
+    robot: &Robot,
     twins: &'a [Option<JointTwin<'a>>],
     counted: &[Vec<Found>],
+    repeated: &Repeated,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<(Vec<Searched<'a>>, Vec<Shared>), FilterError> {
     let done = std::sync::atomic::AtomicUsize::new(0);
     let mut joints = twins
         .par_iter()
         .zip(counted)
-        .map(|(twin, counted)| {
+        .zip(&robot.joints)
+        .map(|((twin, counted), joint)| {
             let explained = match twin {
                 Some(twin) => {
-                    let search = Search::new(twin)?;
+                    let mut search = Search::new(twin)?;
+                    search.repeats_nm = repeated.scatter_nm(&joint.name, &search)?;
                     let explanation = explain(&search, &settled(counted, &search.scale))?;
                     Some((search, explanation))
                 }

@@ -8,6 +8,7 @@
 //! hardly make, the least probable one is taken out and the rest are judged anew. What then remains is alike, and its scatter is the
 //! noise floor. Whether repeats drift is a question of its own: then neighbours are nearer than any two are.
 
+pub(crate) mod floor;
 mod statistics;
 
 use std::collections::BTreeSet;

@@ -66,6 +66,15 @@ pub struct DataFinding {
     pub remedy: String,
 }
 
+impl DataFinding {
+    /// Orders them, worst first.
+    pub(crate) fn rank(&self) -> usize {
+        let worst_first = ["error", "warning", "note"];
+        let rank = worst_first.iter().position(|word| *word == self.severity);
+        rank.unwrap_or(worst_first.len())
+    }
+}
+
 /// What is said of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

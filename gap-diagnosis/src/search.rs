@@ -73,6 +73,8 @@ pub struct Search<'a> {
     pub measured_nm: Vec<f64>,
     /// Standard deviation of what noise does, row by row of each channel.
     pub noise_nm: Vec<(Channel, f64)>,
+    /// Standard deviation between repeats of one input, of the motor's channel, where there are any.
+    pub repeats_nm: Option<f64>,
     /// Makes residuals independent.
     pub whitener: Whitener,
     /// What may be added, periodic effects aside.
@@ -134,6 +136,7 @@ impl<'a> Search<'a> {
             scale,
             measured_nm,
             noise_nm,
+            repeats_nm: None,
             whitener,
             hypotheses: plain(&scale, has_link_encoder, has_command, timing_is_open),
         })
@@ -141,7 +144,17 @@ impl<'a> Search<'a> {
 
     /// What a channel holds whatever the model: noise and what the twin itself is off.
     pub fn floor(&self, channel: Channel) -> Floor {
-        floor(channel, &self.noise_nm, &self.scale, self.twin)
+        let mut floor = floor(channel, &self.noise_nm, &self.scale, self.twin);
+        if let (Channel::Motor, Some(repeats_nm)) = (channel, self.repeats_nm) {
+            let quick_nm = repeats_nm.hypot(TWIN_QUICK * self.scale.friction_nm);
+            floor.quick_nm = floor.quick_nm.max(quick_nm);
+        }
+        floor
+    }
+
+    /// What the robot file's noise makes of a channel.
+    pub(crate) fn file_noise_nm(&self, channel: Channel) -> f64 {
+        noise_nm(&self.noise_nm, channel)
     }
 
     /// Its standard deviation.
@@ -264,6 +277,12 @@ pub(crate) fn strain(model: &Model, steps: &[f64]) -> f64 {
         .sum()
 }
 
+fn noise_nm(of_channels: &[(Channel, f64)], channel: Channel) -> f64 {
+    let mut of_channels = of_channels.iter();
+    let found = of_channels.find(|(of, _)| *of == channel);
+    found.map_or(0.0, |(_, noise_nm)| *noise_nm)
+}
+
 /// What a channel holds whatever the model.
 fn floor(
     channel: Channel,
@@ -271,10 +290,7 @@ fn floor(
     scale: &Scale,
     twin: &JointTwin<'_>,
 ) -> Floor {
-    let noise_nm = noise_nm
-        .iter()
-        .find(|(of, _)| *of == channel)
-        .map_or(0.0, |(_, noise_nm)| *noise_nm);
+    let noise_nm = self::noise_nm(noise_nm, channel);
     Floor {
         quick_nm: noise_nm.hypot(TWIN_QUICK * scale.friction_nm),
         slow_nm: match channel {

@@ -14,6 +14,7 @@ use crate::joint::JointModel;
 use crate::known::{self, KnownValue};
 use crate::load::{Load, LoadChange, Motion};
 use crate::observe::{Band, Channel, channels};
+use crate::repeats::Place;
 use crate::simulate::{Feedback, Noise, Trace, simulate};
 use crate::smooth::derivative;
 use crate::stretch::{JointStretch, Stretch};
@@ -146,6 +147,15 @@ impl<'a> JointTwin<'a> {
     /// The recordings' signals.
     pub fn stretches(&self) -> Vec<&JointStretch> {
         self.pieces.iter().map(|piece| piece.joint).collect()
+    }
+
+    /// Where the recordings' pieces lie that they are of.
+    pub(crate) fn places(&self) -> Vec<Place> {
+        let place = |piece: &Piece<'_>| Place {
+            recording: piece.stretch.recording,
+            first_row: piece.stretch.first_row,
+        };
+        self.pieces.iter().map(place).collect()
     }
 
     /// How many joints the robot has.
