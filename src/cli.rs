@@ -302,6 +302,8 @@ pub enum GapCommand {
     Diagnose(GapDiagnoseArguments),
     /// Write the robot file with the diagnosed effects added
     Apply(GapApplyArguments),
+    /// Find repeats of one input among recordings, how far they scatter, and which differ: the noise floor, without a model
+    Repeats(GapRepeatsArguments),
     /// Write the trajectory that would best tell apart what the data could not
     Suggest(GapSuggestArguments),
     /// Watch a running robot, or a recording, and say when a gap appears and what it most likely is
@@ -356,6 +358,29 @@ pub struct GapApplyArguments {
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
     /// Where to write the changes as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// `flexspline gap repeats`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline gap repeats --recording first.mcap second.mcap third.mcap
+  flexspline gap repeats --recording trials/*.parquet --json repeats.json
+
+Repeats had the same reference in every joint; where none was recorded the same commanded torque, else bit for bit the same
+measured torque. What differs between them is nobody's model error: no simulation comes nearer than that. Each repeat is
+judged against the others: it differs where chance would hardly make one like it. In one group in a hundred of repeats that
+are alike one is said to differ. `next to any` is how far a repeat is from the next one over how far any two are apart, in the order
+of the files: well below 1 they drift, as while a robot warms up. Five repeats find what is coarse, ten what matters;
+three are the least. `gap diagnose` takes its noise floor from repeats too.
+Exit code: 0 done, whatever was found; 2 bad input, or no input was repeated three times.")]
+pub struct GapRepeatsArguments {
+    /// Recording, or CSV or Parquet log with its mapping file beside it; may be given again
+    #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
+    pub recording: Vec<PathBuf>,
+    /// Where to write the result as JSON too; - for standard output
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
 }

@@ -8,7 +8,6 @@ use comfy_table::{Table, presets};
 use gap_diagnosis::Diagnosis;
 use gap_diagnosis::report::{JointReport, Report, Verdict};
 use indicatif::{ProgressBar, ProgressStyle};
-use recording::Recording;
 use report::number;
 
 use super::page;
@@ -26,7 +25,7 @@ pub fn diagnose(arguments: &GapDiagnoseArguments) -> Result<(), CliError> {
     let recordings = arguments
         .recording
         .iter()
-        .map(|path| read(path.as_path()))
+        .map(|path| super::read(path))
         .collect::<Result<Vec<_>, _>>()?;
     let bar = progress_bar(robot.joints.len());
     let diagnosed = gap_diagnosis::diagnose(&robot, &recordings, &|progress| {
@@ -61,11 +60,6 @@ fn nothing_to_say(report: &Report) -> Option<String> {
     let worst = report.data.first().filter(|_| all)?;
     let on = worst.joint.as_deref().unwrap_or("the recording");
     Some(format!("{on}: {}: {}", worst.what, worst.remedy))
-}
-
-fn read(path: &Path) -> Result<(String, Recording), CliError> {
-    let recording = recording::read(path).map_err(CliError::input)?;
-    Ok((path.display().to_string(), recording))
 }
 
 fn summary(report: &Report, out: Option<&Path>) -> String {

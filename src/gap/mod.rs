@@ -5,9 +5,14 @@ mod blind;
 mod diagnose;
 mod emulated;
 mod page;
+mod repeats;
 mod round;
 mod suggest;
 mod watch;
+
+use std::path::Path;
+
+use ::recording::Recording;
 
 use crate::cli::GapCommand;
 use crate::error::CliError;
@@ -20,9 +25,16 @@ pub fn gap(command: &GapCommand) -> Result<(), CliError> {
     match command {
         GapCommand::Apply(arguments) => apply::apply(arguments),
         GapCommand::Diagnose(arguments) => diagnose::diagnose(arguments),
+        GapCommand::Repeats(arguments) => repeats::tell(arguments),
         GapCommand::Suggest(arguments) => suggest::suggest(arguments),
         GapCommand::Watch(arguments) => watch::watch(arguments),
         GapCommand::Round(arguments) => round::round(arguments),
         GapCommand::Blind(command) => blind::blind(command),
     }
+}
+
+/// A recording with its name.
+fn read(path: &Path) -> Result<(String, Recording), CliError> {
+    let recording = ::recording::read(path).map_err(CliError::input)?;
+    Ok((path.display().to_string(), recording))
 }
