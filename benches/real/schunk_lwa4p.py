@@ -1,29 +1,30 @@
 #!/usr/bin/env python3
-"""How much trials with one input differ (github.com/nikhilushinde/AutoKoopman, Schunk LWA 4P).
+"""Schunk LWA 4P trials (github.com/nikhilushinde/AutoKoopman) as logs that need no mapping file.
 
-    schunk_lwa4p.py FOLDER
+    schunk_lwa4p.py FOLDER OUT
 
-FOLDER holds measurement_N/{input,trajectory}.csv. Prints, for each distinct input, the number of trials, how far their
-inputs differ, and the standard deviation of the positions over the trials at the start and at the end, joint by joint.
+FOLDER holds measurement_N/{time,input,trajectory}.csv; OUT/trial_NNN.csv is written for each. The torque was told and not
+measured: it is the same in all trials of an input. Which side of the gear it is meant at is not published.
 """
 
 import pathlib
 import sys
 
-import numpy as np
+SIGNALS = "link_position_rad", "link_velocity_rad_s", "command_torque_nm"
 
 
 def main():
-    groups = {}
-    for trial in sorted(pathlib.Path(sys.argv[1]).glob("measurement_*")):
-        table = lambda name: np.loadtxt(trial / name, delimiter=",")
-        torque_nm, position_rad = table("input.csv"), table("trajectory.csv")[:, :6]
-        groups.setdefault(torque_nm.tobytes(), []).append(position_rad)
-    for group in groups.values():
-        rows = min(len(position_rad) for position_rad in group)
-        spread_mrad = 1e3 * np.std([position_rad[:rows] for position_rad in group], axis=0)
-        print(len(group), "trials with one input, bit for bit; spread in mrad")
-        print("  start", spread_mrad[0].round(1), "\n  end  ", spread_mrad[-1].round(1))
+    folder, out = map(pathlib.Path, sys.argv[1:])
+    out.mkdir(parents=True, exist_ok=True)
+    columns = ["time_s"] + [f"joint{joint}.{signal}" for signal in SIGNALS for joint in range(1, 7)]
+    for trial in folder.glob("measurement_*"):
+        time, state, torque = (
+            (trial / f"{name}.csv").read_text().split() for name in ("time", "trajectory", "input")
+        )
+        torque += [",,,,,"] * (len(time) - len(torque))  # a row too few
+        rows = [",".join(columns), *map(",".join, zip(time, state, torque, strict=True))]
+        number = int(trial.name.removeprefix("measurement_"))
+        (out / f"trial_{number:03}.csv").write_text("\n".join(rows) + "\n")
 
 
 if __name__ == "__main__":
