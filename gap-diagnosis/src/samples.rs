@@ -29,6 +29,10 @@ const LATE_STEPS: i32 = 4;
 const WORTH: f64 = 50.0;
 /// Standard errors that a finding is away from nothing.
 const SURE: f64 = 5.0;
+/// Quantile of torques that were reached: a few samples may be anything; and the part of it up to which a drive is taken to
+/// follow its command.
+const NEARLY_ALL: f64 = 0.999;
+const REACHED: f64 = 0.97;
 
 /// An effect found in samples.
 #[derive(Clone, Debug, PartialEq)]
@@ -164,7 +168,12 @@ impl Response {
             period_s,
         };
         for (torque_nm, command_nm) in pairs(columns) {
+            let reached_nm = reached_nm(torque_nm);
             for k in TAPS + 1..torque_nm.len() {
+                // a drive at its limit does not follow, and a lag is not to be made of that
+                if command_nm[k - TAPS..=k].iter().any(|u| u.abs() > reached_nm) {
+                    continue;
+                }
                 // steps tell one sample from the next; the values themselves are all alike
                 let past: [f64; TAPS] =
                     std::array::from_fn(|i| command_nm[k - i] - command_nm[k - i - 1]);
@@ -241,6 +250,15 @@ impl Response {
         }
         best
     }
+}
+
+/// The largest torque but for a few samples and a margin: commands up to it were not cut off.
+fn reached_nm(torque_nm: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> = torque_nm.iter().map(|torque_nm| torque_nm.abs()).collect();
+    sizes.retain(|size| size.is_finite());
+    sizes.sort_by(f64::total_cmp);
+    let nearly_all = (NEARLY_ALL * sizes.len().saturating_sub(1) as f64) as usize;
+    REACHED * sizes.get(nearly_all).copied().unwrap_or(0.0)
 }
 
 fn pairs<'a>(columns: &'a [&JointColumns]) -> impl Iterator<Item = (&'a Vec<f64>, &'a Vec<f64>)> {
@@ -581,6 +599,23 @@ mod tests {
             panic!("{delay:?}");
         };
         assert!((delay_s - 3e-3).abs() < 2e-4, "{delay_s}");
+    }
+
+    #[test]
+    fn a_drive_at_its_limit_is_not_slow() {
+        let command = command();
+        let most_nm = command.iter().fold(0.0_f64, |most, u| most.max(u.abs()));
+        let limit_nm = 0.6 * most_nm;
+        let mut torque = vec![0.0; 20_000];
+        for k in 1..20_000 {
+            torque[k] = command[k - 1].clamp(-limit_nm, limit_nm);
+        }
+        let joint = columns(vec![
+            (Signal::CommandTorqueNm, command),
+            (Signal::MotorTorqueNm, torque),
+        ]);
+        let found = slow_drive(Response::of(&[&joint], 1e-3).as_ref(), 0);
+        assert_eq!(found, []);
     }
 
     #[test]
