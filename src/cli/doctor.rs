@@ -1,0 +1,29 @@
+//! What can be typed after `flexspline doctor`.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+
+/// `flexspline doctor`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline doctor                    everything, with two seconds of wake-ups on the loop's core
+  flexspline doctor --no-probe         only what can be read
+  flexspline doctor --json doctor.json --probe 60s
+
+What is granted is read back from a thread that asks for what the loop asks for. Call it as the user, and in the unit or
+container, that will run the robot: limits differ. Nothing is changed.
+Exit code: 0 the loop gets what it asks for, 1 something is missing, 2 bad input.")]
+pub struct DoctorArguments {
+    /// How long the probe wakes up on the loop's core, as 2s or 500ms
+    #[arg(long, default_value = "2s", value_name = "D", value_parser = humantime::parse_duration)]
+    pub probe: Duration,
+    /// Leave the probe out: nothing is asked of the kernel
+    #[arg(long, conflicts_with = "probe")]
+    pub no_probe: bool,
+    /// Where to write the findings as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}

@@ -1,0 +1,210 @@
+//! What can be typed after `flexspline gap`.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{Args, Subcommand};
+
+use super::BlindCommand;
+
+/// `flexspline gap`
+#[derive(Debug, Subcommand)]
+pub enum GapCommand {
+    /// Say where robot and simulation part, which effect causes it, and how far the gap shrinks once it is added
+    Diagnose(GapDiagnoseArguments),
+    /// Write the robot file with the diagnosed effects added
+    Apply(GapApplyArguments),
+    /// Find repeats of one input among recordings, how far they scatter, and which differ: the noise floor, without a model
+    Repeats(GapRepeatsArguments),
+    /// Write the trajectory that would best tell apart what the data could not
+    Suggest(GapSuggestArguments),
+    /// Watch a running robot, or a recording, and say when a gap appears and what it most likely is
+    Watch(GapWatchArguments),
+    /// Put effects into the emulated plant, diagnose, apply, and run with the mended file: tracking before and after
+    Round(GapRoundArguments),
+    /// Evaluate the diagnosis on sealed cases whose cause is known
+    #[command(subcommand)]
+    Blind(BlindCommand),
+}
+
+/// `flexspline gap diagnose`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline gap diagnose --robot arm.toml --recording run.mcap --out gap
+  flexspline gap diagnose --robot arm.toml --recording first.mcap second.csv --json report.json
+
+Exit code: 0 done, whatever was found; 2 bad input.")]
+pub struct GapDiagnoseArguments {
+    /// The simulation: pa10, shd17, or a robot file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: String,
+    /// The robot: recording, or CSV or Parquet log with its mapping file beside it; may be given again
+    #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
+    pub recording: Vec<PathBuf>,
+    /// Folder for report.json and report.html
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Where to write the report as JSON too; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// `flexspline gap apply`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline gap apply --report gap/report.json --robot arm.toml --out mended.toml
+
+Everything else in the file stays as it was written, comments included. A change of a value that the file has is added to
+that value; what was changed is printed. Feedforward, emulator and diagnosis take the new file.
+Exit code: 0 done, 1 the report names no effect, 2 bad input.")]
+pub struct GapApplyArguments {
+    /// Report of `gap diagnose`
+    #[arg(long, value_name = "FILE")]
+    pub report: PathBuf,
+    /// Robot that was diagnosed: pa10, shd17, or a robot file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: String,
+    /// Robot file to write
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Where to write the changes as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// `flexspline gap repeats`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline gap repeats --recording first.mcap second.mcap third.mcap
+  flexspline gap repeats --recording trials/*.parquet --json repeats.json
+
+Repeats had the same reference in every joint; where none was recorded the same commanded torque, else bit for bit the same
+measured torque. What differs between them is nobody's model error: no simulation comes nearer than that. Each repeat is
+judged against the others: it differs where chance would hardly make one like it. In one group in a hundred of repeats that
+are alike one is said to differ. `next to any` is how far a repeat is from the next one over how far any two are apart, in the order
+of the files: well below 1 they drift, as while a robot warms up. Five repeats find what is coarse, ten what matters;
+three are the least. `gap diagnose` takes its noise floor from repeats too.
+Exit code: 0 done, whatever was found; 2 bad input, or no input was repeated three times.")]
+pub struct GapRepeatsArguments {
+    /// Recording, or CSV or Parquet log with its mapping file beside it; may be given again
+    #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
+    pub recording: Vec<PathBuf>,
+    /// Where to write the result as JSON too; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// `flexspline gap suggest`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline gap suggest --report gap/report.json --robot arm.toml --out next.toml
+  flexspline gap suggest --effects two.toml --robot shd17 --out next.toml
+  flexspline run --robot arm.toml --trajectory next.toml --duration 30s
+
+Tries slow ramps, sweeps, chirps, reversals at two loads, moves from point to point and a warm repeat on the nominal plant, and
+takes the one on which the least separable pair is furthest apart. d² is the squared whitened difference that the other effect
+and the robot file's tolerances leave; below 9 nobody can tell two effects apart.
+Exit code: 0 done, 1 nothing is confused or no motion helps, 2 bad input.")]
+pub struct GapSuggestArguments {
+    /// Report of `gap diagnose`: its confusable pairs are to be told apart
+    #[arg(long, value_name = "FILE", conflicts_with = "effects")]
+    pub report: Option<PathBuf>,
+    /// Instead of a report, a file of effects as `run --inject` takes it: every two of one joint, at their sizes
+    #[arg(long, value_name = "FILE")]
+    pub effects: Option<PathBuf>,
+    /// Robot that was diagnosed: pa10, shd17, or a robot file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: String,
+    /// Trajectory file to write, TOML
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// How long the trajectory shall last
+    #[arg(long, default_value = "30s", value_name = "D", value_parser = humantime::parse_duration)]
+    pub duration: Duration,
+    /// Where to write the choice as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// `flexspline gap watch`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline gap watch                                            the instance `default`, through its relay
+  flexspline gap watch --recording run.mcap --robot arm.toml      along a recording
+  flexspline gap watch --emulate 2min --robot shd17 --inject gap.toml    the emulator in virtual time; start_s says when
+
+Each joint learns from its first --window what it is like; what is already there is named and taken as given. Then its residual
+against the simulation is watched, and what makes it grow is diagnosed, first after 4 s.
+Exit code: 0 done, whatever was found; 1 the emulated loop stopped for safety; 2 bad input.")]
+pub struct GapWatchArguments {
+    /// Name of the running instance
+    #[arg(long, default_value = "default", value_name = "NAME")]
+    pub instance: String,
+    /// Recording to watch instead, or a log with its mapping file beside it
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["instance", "emulate"])]
+    pub recording: Option<PathBuf>,
+    /// Watch the emulator in virtual time instead, for so long
+    #[arg(long, value_name = "D", value_parser = humantime::parse_duration, conflicts_with = "instance")]
+    pub emulate: Option<Duration>,
+    /// Robot file to watch against; that of the instance if not given
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: Option<String>,
+    /// With --emulate: trajectory, the robot's own if not given
+    #[arg(long, value_name = "NAME|FILE", requires = "emulate")]
+    pub trajectory: Option<String>,
+    /// With --emulate: file of effects to add to the plant
+    #[arg(long, value_name = "FILE", requires = "emulate")]
+    pub inject: Option<PathBuf>,
+    /// With --emulate: seed of everything random
+    #[arg(long, default_value_t = 1, value_name = "N", requires = "emulate")]
+    pub seed: u64,
+    /// What a joint learns from
+    #[arg(long, default_value = "20s", value_name = "D", value_parser = humantime::parse_duration)]
+    pub window: Duration,
+    /// Mean time between two diagnoses for nothing, of each joint
+    #[arg(long, default_value = "10h", value_name = "D", value_parser = humantime::parse_duration)]
+    pub between_false: Duration,
+    /// Where to write everything that was told as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// `flexspline gap round`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline gap round --robot shd17 --inject effects.toml
+  flexspline gap round --robot arm.toml --inject effects.toml --trajectory sweep.toml --tracked work.csv --json rounds.json
+
+Every [[effect]] of the file is a round of its own, in virtual time: the plant gets the effect, the diagnosis sees a recording
+of --trajectory, its effects are written into the robot file, and the control follows --tracked on the plant with the effect,
+with the file as it was and with the mended one.
+Exit code: 0 done, whatever was found; 1 a loop stopped for safety; 2 bad input.")]
+pub struct GapRoundArguments {
+    /// Robot: pa10, shd17, or a robot file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: String,
+    /// File of effects, as `run --inject` takes it
+    #[arg(long, value_name = "FILE")]
+    pub inject: PathBuf,
+    /// Trajectory of the recording that is diagnosed
+    #[arg(long, default_value = "multi_sine", value_name = "NAME|FILE")]
+    pub trajectory: String,
+    /// Trajectory that is then followed
+    #[arg(long, default_value = "sine", value_name = "NAME|FILE")]
+    pub tracked: String,
+    /// How long each trajectory is run, as 30s
+    #[arg(long, default_value = "30s", value_name = "D", value_parser = humantime::parse_duration)]
+    pub duration: Duration,
+    /// Seed of everything random in the emulator
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub seed: u64,
+    /// Where to write the rounds as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}

@@ -1,0 +1,84 @@
+//! What can be typed after `flexspline recording`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+/// `flexspline recording`
+#[derive(Debug, Subcommand)]
+#[command(after_help = "\
+A recording is an MCAP file of `run`, or a CSV or Parquet file with one row per control cycle. Columns are named
+JOINT.SIGNAL, or a mapping file NAME.toml beside NAME.csv says which column is which signal.
+Exit code: 0 done, 1 `info --robot` found errors or the twin stopped for safety, 2 bad input.")]
+pub enum RecordingCommand {
+    /// Print what is in recordings, how good it is, and what it cannot support
+    Info(RecordingInfoArguments),
+    /// Turn a CSV or Parquet log into an MCAP recording
+    Import(RecordingImportArguments),
+    /// Write a recording, or a part of it, as CSV, Parquet or MCAP
+    Export(RecordingExportArguments),
+    /// Write the recording that the robot file's nominal model makes of the same reference
+    Simulate(RecordingSimulateArguments),
+}
+
+/// `flexspline recording info`
+#[derive(Debug, Args)]
+pub struct RecordingInfoArguments {
+    /// Recordings
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// Robot to check them against: pa10, shd17, or a robot file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: Option<String>,
+    /// Where to write the same as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// `flexspline recording import`
+#[derive(Debug, Args)]
+pub struct RecordingImportArguments {
+    /// CSV or Parquet log
+    pub file: PathBuf,
+    /// Which column is which signal; NAME.toml beside the log if not given
+    #[arg(long, value_name = "FILE")]
+    pub mapping: Option<PathBuf>,
+    /// Recording to write
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+}
+
+/// `flexspline recording export`
+#[derive(Debug, Args)]
+pub struct RecordingExportArguments {
+    /// Recording
+    pub file: PathBuf,
+    /// File to write: .csv, .parquet or .mcap
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// First time to write, in seconds as in `time_s`
+    #[arg(long, value_name = "S", default_value_t = f64::NEG_INFINITY, hide_default_value = true)]
+    pub from: f64,
+    /// Last time to write
+    #[arg(long, value_name = "S", default_value_t = f64::INFINITY, hide_default_value = true)]
+    pub to: f64,
+    /// Only this joint; may be given again
+    #[arg(long, value_name = "NAME")]
+    pub joint: Vec<String>,
+}
+
+/// `flexspline recording simulate`
+#[derive(Debug, Args)]
+pub struct RecordingSimulateArguments {
+    /// Recording whose reference is followed
+    pub file: PathBuf,
+    /// Robot: pa10, shd17, or a robot file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: String,
+    /// Recording to write
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Seed of the sensors' noise
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub seed: u64,
+}
