@@ -84,6 +84,34 @@ fn the_suggested_trajectory_tells_apart_what_the_data_could_not() {
 }
 
 #[test]
+fn two_friction_laws_at_once_are_both_named() {
+    let bench = bench("two_laws");
+    // a robot file without a law that could bend to what is missing
+    fs::copy("benches/peers/joint.toml", bench.file("bench.toml")).unwrap();
+    let laws = [
+        "effect = \"coulomb_friction\"\ncoulomb_nm = 1.0\n",
+        "effect = \"viscous_friction\"\nviscous_nm_s_rad = 1.5\n",
+    ];
+    let laws = laws.map(|law| format!("[[effect]]\njoint = \"joint1\"\n{law}"));
+    fs::write(bench.file("gap.toml"), laws.concat()).unwrap();
+    let course = "[[joint]]\nkind = \"multi_sine\"\nname = \"joint1\"\namplitude_rad = 1.0\nspeed_rad_s = 1.5\nband_hz = [0.05, 1.0]\n";
+    fs::write(bench.file("course.toml"), course).unwrap();
+    let joint = diagnosed(&bench, "course.toml", "20s", "two");
+    let effects = joint["effects"].as_array().unwrap();
+    let value = |effect: &str, parameter: &str| {
+        let found = effects.iter().find(|found| found["effect"] == effect);
+        found.and_then(|found| found["parameters"][parameter]["value"].as_f64())
+    };
+    let coulomb_nm = value("coulomb_friction", "coulomb_nm").unwrap_or(0.0);
+    let viscous_nm_s_rad = value("viscous_friction", "viscous_nm_s_rad").unwrap_or(0.0);
+    assert!((coulomb_nm - 1.0).abs() < 0.15, "{joint}");
+    assert!((viscous_nm_s_rad / 1.5 - 1.0).abs() < 0.15, "{joint}");
+    for imitator in ["stribeck_friction", "quadratic_friction"] {
+        assert!(effects.iter().all(|found| found["effect"] != imitator));
+    }
+}
+
+#[test]
 fn effects_of_a_file_may_be_asked_about_and_what_no_motion_tells_apart_is_said() {
     let bench = bench("delays");
     let delays = ["command_delay", "sensor_delay"].map(|effect| {

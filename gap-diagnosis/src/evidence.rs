@@ -5,7 +5,9 @@
 //! deviations it spares the known values, whose tolerance is a prior like any other. `none` stands at zero. Whether something is left that no effect of
 //! the list explains is told by torques of no named law ([`crate::shapes`]).
 
+use crate::hypothesis::Hypothesis;
 use crate::rank::{Ranking, Scored};
+use crate::trust::Trust;
 
 /// By how much evidence is tempered.
 const TEMPER: f64 = 0.5;
@@ -30,16 +32,15 @@ const IN_FILE: f64 = 40.0;
 const OTHERS_TWIST: f64 = 12.0;
 /// Those that show elsewhere only to a second encoder or a torque sensor.
 const AT_REVERSALS_UNSEEN: [&str; 3] = ["torsional_compliance", "soft_windup", "backlash"];
-/// What torques of no named law are worth in a good twin: over velocity, acceleration and travel since a reversal its
-/// friction is another's law, over anything else it is as the robot.
-const TWINS_FRICTION: f64 = 90.0;
-const TWINS_REST: f64 = 60.0;
 /// Part of what the named effects are worth that may be left in such torques: no law is exact.
 const INEXACT: f64 = 0.05;
 /// Left beyond this part, the named effects only imitate something else.
 const IMITATION: f64 = 0.2;
 /// Nats over which an opinion about what is left turns.
 const TURNS_NATS: f64 = 8.0;
+
+/// Standard errors, from the scatter between blocks of time, above which an effect's size is not in doubt.
+const SURE_ERRORS: f64 = 5.0;
 
 /// What an explanation is worth that explains nothing.
 const NOTHING: f64 = -1e9;
@@ -67,6 +68,17 @@ impl Left {
     }
 }
 
+/// An effect fitted by simulation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Simulated {
+    /// Of its hypothesis in the ranking.
+    pub index: usize,
+    /// What it leaves.
+    pub left: Left,
+    /// Squared size in units of its covariance.
+    pub certainty: Option<f64>,
+}
+
 /// Probability of an effect or of none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probability {
@@ -76,13 +88,10 @@ pub struct Probability {
     pub probability: f64,
 }
 
-/// The part of squared errors that noise and twin error make up: more than one where the noise is larger than thought.
+/// [`variance_of`] the best hypothesis.
 fn variance(ranking: &Ranking) -> f64 {
-    let best = ranking
-        .scored
-        .first()
-        .map_or(ranking.none.total(), |scored| scored.held_out.total());
-    (best / ranking.rows.max(1) as f64).max(1.0)
+    let best = ranking.scored.first().map(|scored| &scored.held_out);
+    variance_of(ranking, best.unwrap_or(&ranking.none).total())
 }
 
 fn nats(ranking: &Ranking, scored: &Scored, variance: f64) -> f64 {
@@ -93,15 +102,22 @@ fn nats(ranking: &Ranking, scored: &Scored, variance: f64) -> f64 {
 
 /// What taking so much off squares and strain is worth for this effect.
 fn worth(ranking: &Ranking, scored: &Scored, errors: f64, spared: f64) -> f64 {
-    let values = scored.amplitudes.len() + scored.hypothesis.shape.len();
-    let effect = scored.hypothesis.effect;
-    let is_twist = AT_REVERSALS_UNSEEN.contains(&effect);
-    let at_reversals = AT_REVERSALS_ALWAYS.contains(&effect) || is_twist && !ranking.sees_torsion;
-    let beside = if effect == "structural_damping" {
+    let gain = tempered(errors - ranking.roughness) + 0.5 * spared;
+    let nats = gain - cost(ranking, &scored.hypothesis);
+    // a response that is no number explains nothing
+    if nats.is_finite() { nats } else { NOTHING }
+}
+
+/// What naming this effect costs, in nats.
+fn cost(ranking: &Ranking, hypothesis: &Hypothesis) -> f64 {
+    let is_twist = AT_REVERSALS_UNSEEN.contains(&hypothesis.effect);
+    let at_reversals =
+        AT_REVERSALS_ALWAYS.contains(&hypothesis.effect) || is_twist && !ranking.sees_torsion;
+    let beside = if hypothesis.effect == "structural_damping" {
         AT_REVERSALS + DAMPING
     } else if at_reversals {
         AT_REVERSALS
-    } else if scored.hypothesis.is_periodic() {
+    } else if hypothesis.is_periodic() {
         AMONG_MANY
     } else {
         0.0
@@ -110,17 +126,43 @@ fn worth(ranking: &Ranking, scored: &Scored, errors: f64, spared: f64) -> f64 {
     if is_twist && ranking.joints > 1 {
         beside += OTHERS_TWIST;
     }
-    if ranking.is_in_file(&scored.hypothesis) {
+    if ranking.is_in_file(hypothesis) {
         beside += IN_FILE;
     }
-    let nats = tempered_nats(errors - ranking.roughness, values) + 0.5 * spared - beside;
-    // a response that is no number explains nothing
-    if nats.is_finite() { nats } else { NOTHING }
+    naming(hypothesis.amplitudes() + hypothesis.shape.len()) + beside
+}
+
+/// What a model with these effects is worth that leaves so much, beside one without them: `variance` as of
+/// [`variance_of`] the best model they are compared with.
+pub fn together<'a>(
+    ranking: &Ranking,
+    [without, left]: [Left; 2],
+    variance: f64,
+    effects: impl IntoIterator<Item = &'a Hypothesis>,
+) -> f64 {
+    let errors = (without.square - left.square) / variance;
+    let spared = without.strain - left.strain;
+    let costs = effects.into_iter().map(|effect| cost(ranking, effect));
+    tempered(errors) + 0.5 * spared - costs.sum::<f64>()
+}
+
+/// The part of squared errors that noise and twin error make up: more than one where they are larger than thought, less
+/// where a twin is better than most.
+pub fn variance_of(ranking: &Ranking, least: f64) -> f64 {
+    (least / ranking.rows.max(1) as f64).max(Trust::of(ranking.joints).least)
 }
 
 /// What taking so much off squares is worth, for an effect with so many values.
 pub fn tempered_nats(gain: f64, values: usize) -> f64 {
-    TEMPER * 0.5 * gain - NAMING - VALUE * values.saturating_sub(1) as f64
+    tempered(gain) - naming(values)
+}
+
+fn tempered(gain: f64) -> f64 {
+    TEMPER * 0.5 * gain
+}
+
+fn naming(values: usize) -> f64 {
+    NAMING + VALUE * values.saturating_sub(1) as f64
 }
 
 /// What every effect is worth.
@@ -164,27 +206,40 @@ impl Standings {
 
     /// Corrects the nats by what simulated fits leave of squares and strain, without an effect and with each of these:
     /// strong effects, and known values far off, do not respond in proportion.
-    pub fn refit(&mut self, ranking: &Ranking, without: Left, left: &[(usize, Left)]) {
-        let squares = left.iter().map(|(_, left)| left.square);
+    ///
+    /// An effect of few standard errors is worth no more than they allow: they know from the scatter between blocks of time
+    /// how far a twin's errors look like the effect.
+    pub fn refit(&mut self, ranking: &Ranking, without: Left, simulated: &[Simulated]) {
+        let squares = simulated.iter().map(|simulated| simulated.left.square);
         let least = squares.fold(without.square, f64::min);
-        let variance = (least / ranking.rows.max(1) as f64).max(1.0);
-        let value = |index: usize, left: Left| {
-            let errors = (without.square - left.square) / variance;
-            let spared = without.strain - left.strain;
-            worth(ranking, &ranking.scored[index], errors, spared)
+        let variance = variance_of(ranking, least);
+        let value = |simulated: &Simulated| {
+            let scored = &ranking.scored[simulated.index];
+            let errors = (without.square - simulated.left.square) / variance;
+            let spared = without.strain - simulated.left.strain;
+            let worth = worth(ranking, scored, errors, spared);
+            match simulated.certainty {
+                Some(square) if square < SURE_ERRORS.powi(2) => {
+                    let values = scored.hypothesis.amplitudes() + scored.hypothesis.shape.len();
+                    worth.min(0.5 * square - naming(values))
+                }
+                _ => worth,
+            }
         };
-        // the others stay as far behind the last that was simulated as their linear responses were
-        let last = left
+        // the others stay as far behind all that were simulated as their linear responses were
+        let simulated: Vec<(usize, f64, f64)> = simulated
             .iter()
-            .map(|(index, left)| (self.nats_of(*index), value(*index, *left)))
-            .fold((f64::INFINITY, 0.0), |last, next| {
-                if next.0 < last.0 { next } else { last }
-            });
+            .map(|one| (one.index, self.nats_of(one.index), value(one)))
+            .collect();
         for (index, nats) in &mut self.effects {
-            *nats = match left.iter().find(|(other, _)| other == index) {
-                Some((_, left)) => value(*index, *left),
-                None if last.0.is_finite() => (*nats - last.0 + last.1).min(last.1),
-                None => *nats,
+            let own = simulated.iter().find(|(other, ..)| other == index);
+            *nats = match own {
+                Some((.., value)) => *value,
+                None if simulated.is_empty() => *nats,
+                None => simulated
+                    .iter()
+                    .map(|(_, linear, value)| value + (*nats - linear).min(0.0))
+                    .fold(f64::INFINITY, f64::min),
             };
         }
         self.effects.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -221,24 +276,15 @@ pub enum Remains {
     Most,
 }
 
-/// What torques of no named law are worth beyond a good twin's: the variable, and nats.
-pub fn beyond_twin(structure: &[(&'static str, f64)]) -> Option<(&'static str, f64)> {
-    structure
-        .iter()
-        .map(|&(over, nats)| {
-            let friction = matches!(
-                over,
-                "velocity" | "acceleration" | "jerk" | "travel since the last reversal"
-            );
-            let allowed = if friction { TWINS_FRICTION } else { TWINS_REST };
-            (over, nats - allowed)
-        })
-        .max_by(|a, b| a.1.total_cmp(&b.1))
+/// The torque of no named law that is worth most: over what, and nats.
+pub fn most_left(structure: &[(&'static str, f64)]) -> Option<(&'static str, f64)> {
+    let most = structure.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+    most.copied()
 }
 
 /// What remains beside effects that take so much off.
 pub fn remains(structure: &[(&'static str, f64)], named_nats: f64) -> Remains {
-    let left_nats = beyond_twin(structure).map_or(0.0, |(_, nats)| nats);
+    let left_nats = most_left(structure).map_or(0.0, |(_, nats)| nats);
     let named_nats = named_nats.max(0.0);
     if left_nats <= INEXACT * named_nats {
         Remains::Nothing
@@ -251,9 +297,34 @@ pub fn remains(structure: &[(&'static str, f64)], named_nats: f64) -> Remains {
 
 /// Probability that the cause is on no list.
 pub fn unknown_probability(structure: &[(&'static str, f64)], named_nats: f64) -> f64 {
-    let left_nats = beyond_twin(structure).map_or(0.0, |(_, nats)| nats);
+    let left_nats = most_left(structure).map_or(0.0, |(_, nats)| nats);
     let named_nats = named_nats.max(0.0);
     let is_left = 1.0 / (1.0 + ((INEXACT * named_nats - left_nats) / TURNS_NATS).exp());
     let left_nats = left_nats.max(0.0);
     is_left * left_nats / (left_nats + named_nats).max(1e-9)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_counts_beside_what_is_named() {
+        let left = [("time", -12.0), ("position", 40.0)];
+        assert_eq!(most_left(&left), Some(("position", 40.0)));
+        assert_eq!(remains(&left, 0.0), Remains::Most);
+        assert_eq!(remains(&left, 400.0), Remains::Something);
+        assert_eq!(remains(&left, 4000.0), Remains::Nothing);
+        assert_eq!(remains(&[], 0.0), Remains::Nothing);
+        assert!(unknown_probability(&left, 0.0) > 0.9);
+        assert!(unknown_probability(&left, 4000.0) < 0.1);
+        assert!(unknown_probability(&[("time", -12.0)], 0.0) < 0.1);
+    }
+
+    #[test]
+    fn evidence_grows_with_what_is_taken_off_and_falls_with_every_value() {
+        assert!(tempered_nats(100.0, 1) > tempered_nats(90.0, 1));
+        assert!(tempered_nats(100.0, 1) > tempered_nats(100.0, 2));
+        assert!(tempered_nats(0.0, 1) < 0.0);
+    }
 }

@@ -3,31 +3,39 @@
 use joint_model::filter::FilterError;
 
 use crate::evidence::{
-    Left, Probability, Remains, Standings, remains, standings, unknown_probability,
+    Left, Probability, Remains, Simulated, Standings, remains, standings, together, unknown_probability,
+    variance_of,
 };
 use crate::judge::Squares;
 use crate::rank::{ALIKE, Round};
 use crate::refine::Refined;
-use crate::search::{Model, Search, Term};
+use crate::search::{Model, Search, Term, strain};
+use crate::trust::Trust;
 
 /// The most effects of one joint.
 pub const EFFECTS_MAX: usize = 3;
-/// What is left below this part of the squared floor, known values fitted, is within the twin's own errors.
-const WITHIN_TWIN: f64 = 0.3;
-/// Below this part the twin's own errors may have any shape.
-const TWINS_SHAPE: f64 = 0.7;
 /// How often the effects that were added are looked at again.
 const SWEEPS: usize = 2;
 /// Effects that are fitted by simulation, not only by their linear response, before one is chosen.
 const REFITTED: usize = 4;
-/// Nats within which another effect is refitted too.
+/// Nats within which another effect is refitted too, and the part of the best one's if that is more: strong effects do
+/// not respond in proportion.
 const NEAR_NATS: f64 = 30.0;
+const NEAR_PART: f64 = 0.5;
+/// Effects of the gear's twist: what it does at large torques says little of small ones, so that linear responses do not tell
+/// which of them it is.
+const TWIST: [&str; 3] = ["torsional_compliance", "soft_windup", "backlash"];
+/// Effects of which one is in a pair that is tried, and pairs that are fitted by simulation.
+const PAIRS_OF: usize = 8;
+const PAIRS: usize = 3;
 /// Nats that a second or third effect must be worth, and part of the first one's up to some nats: no law is exact.
 const FURTHER_NATS: f64 = 6.0;
 const FURTHER_PART: f64 = 0.01;
 const FURTHER_MOST_NATS: f64 = 40.0;
 /// The same for one that repeats over the angle as an effect before does.
 const COMPANION_PART: f64 = 0.05;
+/// Standard deviations of a sum of squares above its mean at which known values are strained.
+const STRAINED: f64 = 3.0;
 
 /// What explains a joint's residual.
 #[derive(Clone, Debug)]
@@ -38,6 +46,7 @@ pub struct Explanation {
     pub without: Refined,
     /// Each step's candidates: those of the first, then those beside the effects before.
     pub rounds: Vec<Step>,
+    named_gain: f64,
 }
 
 /// One step of the search.
@@ -53,14 +62,12 @@ pub struct Step {
     pub added: Option<&'static str>,
     /// The model that effects were tried beside, known values fitted.
     pub base: Refined,
-    /// What torques of no named law would be worth: over what, and nats.
+    /// What torques of no named law would be worth: over what, and nats beyond those of a good twin.
     pub structure: Vec<(&'static str, f64)>,
     /// The leading effects, fitted by simulation, best first.
     refitted: Vec<Refitted>,
     /// What the best of them is worth.
     pub best_nats: f64,
-    /// Half the squares and strain that the one that was added takes off.
-    gain: f64,
 }
 
 /// An effect fitted by simulation.
@@ -68,8 +75,6 @@ pub struct Step {
 struct Refitted {
     effect: &'static str,
     nats: f64,
-    /// Half the squares and strain that it takes off.
-    gain: f64,
     refined: Refined,
 }
 
@@ -99,8 +104,7 @@ impl Explanation {
 
     /// Half the squares and strain that the effects that were added take off, in units of noise and twin error.
     pub fn named_gain(&self) -> f64 {
-        let added = self.rounds.iter().filter(|step| step.added.is_some());
-        added.map(|step| step.gain).sum()
+        self.named_gain
     }
 
     /// Whether a torque of no named law is left.
@@ -124,8 +128,9 @@ pub fn explain(search: &Search<'_>, settled: &[Term]) -> Result<Explanation, Fil
         terms: settled.to_vec(),
     };
     let (round, without) = known_fitted(search, &start)?;
-    let is_gap = is_beyond(search, &search.residual_nm(&start)?, 1.0)
-        && is_beyond(search, &without.residual_nm, WITHIN_TWIN);
+    let trust = Trust::of(search.twin.joints());
+    let is_gap = is_beyond(search, &search.residual_nm(&start)?, trust.by_file)
+        && is_beyond(search, &without.residual_nm, trust.by_known);
     let first = if is_gap {
         Step::new(search, round, &without)?
     } else {
@@ -141,31 +146,33 @@ pub fn explain(search: &Search<'_>, settled: &[Term]) -> Result<Explanation, Fil
     };
     let without = first.base.clone();
     growing.grow()?;
-    for _ in 0..SWEEPS {
-        if growing.added.len() < 2 || !growing.reconsider()? {
-            break;
-        }
-        growing.grow()?;
+    growing.settle()?;
+    if is_gap && (growing.added.len() > 1 || growing.is_left(&without) || growing.is_strained()) {
+        growing.start_from_pairs(&first)?;
     }
+    let named_gain = growing.named_gain(&without);
     let mut rounds = growing.added;
     rounds.push(growing.last);
     let explanation = Explanation {
         refined: growing.refined,
         without: without.clone(),
         rounds,
+        named_gain,
     };
     if explanation.named_gain() > 0.0 && explanation.remains() == Remains::Most {
         // names that leave most of it would be wrong names
         return Ok(Explanation {
             refined: without.clone(),
             without,
-            rounds: vec![first],
+            rounds: vec![first.unnamed()],
+            named_gain: 0.0,
         });
     }
     Ok(explanation)
 }
 
 /// An explanation in the making. Effects of the model beyond the settled ones are in the order of `added`.
+#[derive(Clone)]
 struct Growing<'a, 's> {
     search: &'a Search<'s>,
     settled: usize,
@@ -176,11 +183,98 @@ struct Growing<'a, 's> {
 }
 
 impl Growing<'_, '_> {
+    /// Reconsiders what was added until it stays.
+    fn settle(&mut self) -> Result<(), FilterError> {
+        for _ in 0..SWEEPS {
+            if self.added.len() < 2 || !self.reconsider()? {
+                break;
+            }
+            self.grow()?;
+        }
+        Ok(())
+    }
+
+    /// Half the squares and strain that the effects take off.
+    fn named_gain(&self, without: &Refined) -> f64 {
+        if self.added.is_empty() {
+            return 0.0;
+        }
+        let total = |of: &Refined| self.search.left(&of.model, &of.residual_nm).total();
+        0.5 * (total(without) - total(&self.refined))
+    }
+
+    /// Whether a torque of no named law is left.
+    fn is_left(&self, without: &Refined) -> bool {
+        remains(&self.last.structure, self.named_gain(without)) != Remains::Nothing
+    }
+
+    /// Whether the known values had to move further than their tolerances let all of them together: they stand in for an
+    /// effect that is missing.
+    fn is_strained(&self) -> bool {
+        let count = self.refined.model.known.len() as f64;
+        strain(&self.refined.model, &[]) > count + STRAINED * (2.0 * count).sqrt()
+    }
+
+    /// Begins with two effects at once: the one that takes off most alone need not be one of the two that are there.
+    fn start_from_pairs(&mut self, first: &Step) -> Result<(), FilterError> {
+        let search = self.search;
+        let ranking = &first.round.ranking;
+        let leading = first.standings.effects.iter().take(PAIRS_OF);
+        let leading: Vec<usize> = leading.map(|(index, _)| *index).collect();
+        let left = |refined: &Refined| search.left(&refined.model, &refined.residual_nm);
+        let without = left(&first.base);
+        let worth = |refined: &Refined, variance: f64| {
+            let terms = &refined.model.terms[self.settled..];
+            let effects = terms.iter().map(|term| &term.hypothesis);
+            together(ranking, [without, left(refined)], variance, effects)
+        };
+        let mut best: Option<Refined> = None;
+        for pair in first.round.pairs(&leading, PAIRS) {
+            let mut model = first.base.model.clone();
+            model.terms.extend(pair);
+            let refined = search.refine(&first.round, &model)?;
+            let total = left(&refined).total();
+            if total.is_finite() && best.as_ref().is_none_or(|best| total < left(best).total()) {
+                best = Some(refined);
+            }
+        }
+        let Some(pair) = best else {
+            return Ok(());
+        };
+        let variance = |other: &Refined| {
+            let least = left(&self.refined).square.min(left(other).square);
+            variance_of(ranking, least)
+        };
+        let at = variance(&pair);
+        if worth(&pair, at) <= worth(&self.refined, at) + FURTHER_NATS {
+            return Ok(());
+        }
+        let mut other = self.clone();
+        other.added = vec![first.clone(); 2];
+        other.refined = pair;
+        other.reconsider()?;
+        other.look()?;
+        other.grow()?;
+        other.settle()?;
+        let at = variance(&other.refined);
+        if worth(&other.refined, at) > worth(&self.refined, at) {
+            *self = other;
+        }
+        Ok(())
+    }
+
+    /// Looks at what is left.
+    fn look(&mut self) -> Result<(), FilterError> {
+        let last = self.search.next(self.first, &self.refined.model)?;
+        self.last = Step::new(self.search, last, &self.refined)?;
+        self.refined = self.last.base.clone();
+        Ok(())
+    }
+
     /// Adds effects one at a time while they are worth it.
     fn grow(&mut self) -> Result<(), FilterError> {
         while self.added.len() < EFFECTS_MAX {
-            let worth = |best: &&Refitted| best.nats >= self.worth(best);
-            let Some(best) = self.last.refitted.iter().find(worth).cloned() else {
+            let Some(best) = self.best(&self.last) else {
                 break;
             };
             let next = self.search.next(self.first, &best.refined.model)?;
@@ -190,6 +284,15 @@ impl Growing<'_, '_> {
             self.refined = self.last.base.clone();
         }
         Ok(())
+    }
+
+    /// The best effect of a step that is worth being added. Several that are alike may only together outweigh none.
+    fn best(&self, step: &Step) -> Option<Refitted> {
+        let is_gap = self.added.is_empty() && step.probability_of("none") < 0.5;
+        let mut refitted = step.refitted.iter();
+        refitted
+            .find(|best| is_gap || best.nats >= self.worth(best))
+            .cloned()
     }
 
     /// What an effect must be worth beside those already added.
@@ -205,7 +308,9 @@ impl Growing<'_, '_> {
             let terms = &best.refined.model.terms;
             let is_periodic = terms.last().is_some_and(|t| t.hypothesis.is_periodic());
             // what repeats with an angle can be found in anything that is left
-            let enough = if is_periodic {
+            let enough = if self.is_strained() {
+                0.0
+            } else if is_periodic {
                 part
             } else {
                 part.min(FURTHER_MOST_NATS)
@@ -221,19 +326,19 @@ impl Growing<'_, '_> {
         for _ in 0..self.added.len() {
             let before = self.added.remove(0);
             let mut model = self.refined.model.clone();
-            model.terms.remove(self.settled);
+            let taken = model.terms.remove(self.settled);
             let base = self.search.refine(self.first, &model)?;
             let step = self.search.next(self.first, &base.model)?;
-            let step = Step::new(self.search, step, &base)?;
+            model.terms.push(taken);
+            let step = Step::beside(self.search, step, &base, Some(&model))?;
             let kept = std::mem::replace(&mut self.refined, base);
-            let best = step.refitted.first().cloned();
-            match best.filter(|best| best.nats >= self.worth(best)) {
+            match self.best(&step) {
                 Some(best) => {
                     changed |= Some(best.effect) != before.added;
                     self.added.push(step.with(&best));
                     self.refined = best.refined;
                 }
-                None if self.added.is_empty() => {
+                None if self.added.is_empty() && before.added.is_some() => {
                     // the last one stays what it was
                     self.refined = kept;
                     self.added.push(before);
@@ -242,9 +347,7 @@ impl Growing<'_, '_> {
             }
         }
         if changed {
-            let last = self.search.next(self.first, &self.refined.model)?;
-            self.last = Step::new(self.search, last, &self.refined)?;
-            self.refined = self.last.base.clone();
+            self.look()?;
         }
         Ok(changed)
     }
@@ -329,24 +432,62 @@ fn is_beyond(search: &Search<'_>, residual_nm: &[f64], times: f64) -> bool {
 impl Step {
     /// Refits the leading effects by simulation, and lets that decide among them.
     fn new(search: &Search<'_>, round: Round, base: &Refined) -> Result<Self, FilterError> {
+        Self::beside(search, round, base, None)
+    }
+
+    /// The same, with an effect among them that was there before, the last one of a model.
+    fn beside(
+        search: &Search<'_>,
+        round: Round,
+        base: &Refined,
+        before: Option<&Model>,
+    ) -> Result<Self, FilterError> {
         let mut standings = standings(&round.ranking);
         let best_nats = standings.effects.first().map_or(0.0, |(_, nats)| *nats);
         let mut refitted = Vec::new();
-        let leading: Vec<(usize, f64)> = standings
+        let of = |index: usize| &round.ranking.scored[index];
+        let mut leading: Vec<usize> = standings
             .effects
             .iter()
-            .copied()
             .take(REFITTED)
-            .filter(|(_, nats)| *nats > (best_nats - NEAR_NATS).max(-NEAR_NATS / 3.0))
-            .filter(|(index, _)| round.ranking.scored[*index].size_nm > 0.0)
+            .filter(|(_, nats)| {
+                let near = NEAR_NATS.max(NEAR_PART * best_nats);
+                *nats > (best_nats - near).max(-NEAR_NATS / 3.0)
+            })
+            .map(|(index, _)| *index)
+            .filter(|index| of(*index).size_nm > 0.0)
             .collect();
-        for (index, _) in leading {
-            let scored = &round.ranking.scored[index];
-            let mut model = base.model.clone();
-            model.terms.push(Term {
-                hypothesis: scored.hypothesis.clone(),
-                amplitudes: scored.amplitudes.clone(),
-            });
+        let is_twist = |index: usize| TWIST.contains(&of(index).hypothesis.effect);
+        if leading.iter().any(|index| is_twist(*index)) {
+            let all = standings.effects.iter().map(|(index, _)| *index);
+            let others: Vec<usize> = all
+                .filter(|index| is_twist(*index) && !leading.contains(index))
+                .collect();
+            leading.extend(others);
+        }
+        let mut starts: Vec<(usize, Model)> = leading
+            .into_iter()
+            .map(|index| {
+                let scored = of(index);
+                let mut model = base.model.clone();
+                model.terms.push(Term {
+                    hypothesis: scored.hypothesis.clone(),
+                    amplitudes: scored.amplitudes.clone(),
+                });
+                Ok((index, search.nearer(model)?))
+            })
+            .collect::<Result<_, FilterError>>()?;
+        if let Some((index, model)) = before.and_then(|model| {
+            let effect = model.terms.last()?.hypothesis.effect;
+            let mut effects = standings.effects.iter();
+            let own = effects.find(|(i, _)| round.ranking.scored[*i].hypothesis.effect == effect);
+            Some((own?.0, model))
+        }) {
+            // where it ended is a better start than its response
+            starts.retain(|(other, _)| *other != index);
+            starts.push((index, model.clone()));
+        }
+        for (index, model) in starts {
             let refined = search.refine(&round, &model)?;
             let left = search.left(&refined.model, &refined.residual_nm);
             // a joint that runs away in simulation explains nothing
@@ -354,28 +495,34 @@ impl Step {
                 refitted.push((index, left, refined));
             }
         }
-        let left: Vec<(usize, Left)> = refitted.iter().map(|(i, left, _)| (*i, *left)).collect();
+        let simulated: Vec<Simulated> = refitted
+            .iter()
+            .map(|(index, left, refined)| Simulated {
+                index: *index,
+                left: *left,
+                certainty: search.certainty(refined),
+            })
+            .collect();
         let base = best_base(search, &round, base, &refitted)?;
-        let structure = if is_beyond(search, &base.residual_nm, TWINS_SHAPE) {
+        let of_any_shape = Trust::of(search.twin.joints()).of_any_shape;
+        let structure = if is_beyond(search, &base.residual_nm, of_any_shape) {
             search.structure(&round, &base)
         } else {
             Vec::new()
         };
         let without = search.left(&base.model, &base.residual_nm);
-        standings.refit(&round.ranking, without, &left);
+        standings.refit(&round.ranking, without, &simulated);
         let mut refitted: Vec<Refitted> = refitted
             .into_iter()
-            .map(|(index, left, refined)| Refitted {
+            .map(|(index, _, refined)| Refitted {
                 effect: round.ranking.scored[index].hypothesis.effect,
                 nats: standings.nats_of(index),
-                gain: 0.5 * (without.total() - left.total()),
                 refined,
             })
             .collect();
         refitted.sort_by(|a, b| b.nats.total_cmp(&a.nats));
         Ok(Self {
             best_nats: refitted.first().map_or(0.0, |best| best.nats),
-            gain: 0.0,
             base,
             structure,
             probabilities: standings.probabilities(&round.ranking),
@@ -386,11 +533,27 @@ impl Step {
         })
     }
 
+    /// Of an effect or of none, among those beside this model.
+    pub fn probability_of(&self, effect: &str) -> f64 {
+        let mut probabilities = self.probabilities.iter();
+        probabilities
+            .find(|p| p.effect == effect)
+            .map_or(0.0, |p| p.probability)
+    }
+
     /// The step, with what was added.
     fn with(mut self, best: &Refitted) -> Self {
         self.added = Some(best.effect);
         self.best_nats = best.nats;
-        self.gain = best.gain;
+        self
+    }
+
+    /// The step, with no effect worth naming.
+    fn unnamed(mut self) -> Self {
+        // what comes nearest still says where to look
+        let mut standings = self.standings.clone();
+        standings.quiet();
+        self.probabilities = standings.probabilities(&self.round.ranking);
         self
     }
 
@@ -400,7 +563,6 @@ impl Step {
         standings.quiet();
         Self {
             best_nats: 0.0,
-            gain: 0.0,
             base: base.clone(),
             structure: Vec::new(),
             probabilities: standings.probabilities(&round.ranking),

@@ -122,6 +122,8 @@ pub struct Hypothesis {
     form: Form,
     /// Parameters that do not enter linearly, each above zero.
     pub shape: ArrayVec<f64, 2>,
+    /// Amplitude at which the response is found: one step, but for what answers a large one otherwise than many small ones.
+    reach: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -195,7 +197,6 @@ pub fn plain(
     for exponent in [0.5, 1.0] {
         add("structural_damping", Form::StructuralDamping, &[exponent]);
     }
-    add("backlash", Form::Backlash, &[]);
     add("thermal_friction_drift", Form::ConstantDrift, &[]);
     add("thermal_friction_drift", Form::FirstOrderDrift, &[8.0]);
     add("torque_constant_error", Form::Gain, &[]);
@@ -230,6 +231,10 @@ pub fn plain(
             add("encoder_eccentricity", Form::LinkEccentricity, &[cycles]);
         }
     }
+    // within a wide gap the link swings freely
+    for reach in [1.0, 10.0, 100.0] {
+        all.push(Hypothesis::new("backlash", Form::Backlash, &[]).reaching(reach));
+    }
     all
 }
 
@@ -262,6 +267,15 @@ impl Hypothesis {
             effect,
             form,
             shape: shape.iter().copied().collect(),
+            reach: 1.0,
+        }
+    }
+
+    /// The same effect, with its response found at so large an amplitude.
+    fn reaching(self, amplitude: f64) -> Self {
+        Self {
+            reach: amplitude,
+            ..self
         }
     }
 
@@ -503,7 +517,7 @@ impl Hypothesis {
     }
 
     /// The amplitudes by which column `index` is found: the response to the second less that to the first, where there
-    /// are two.
+    /// are two, over [`reach`](Self::reach).
     pub fn probes(&self, index: usize) -> (Amplitudes, Option<Amplitudes>) {
         let at = |entries: &[(usize, f64)]| {
             let mut amplitudes: Amplitudes = (0..self.amplitudes()).map(|_| 0.0).collect();
@@ -517,8 +531,13 @@ impl Hypothesis {
             Form::Payload if index > 0 => (at(&[(0, 1.0), (index, 1.0)]), Some(at(&[(0, 1.0)]))),
             // a spring's torque at zero needs a spring
             Form::Spring if index > 0 => (at(&[(0, 1.0), (index, 1.0)]), Some(at(&[(0, 1.0)]))),
-            _ => (at(&[(index, 1.0)]), None),
+            _ => (at(&[(index, self.reach)]), None),
         }
+    }
+
+    /// Amplitude that a column's response belongs to.
+    pub fn reach(&self) -> f64 {
+        self.reach
     }
 
     /// The stage of the joint that the effect belongs to.

@@ -33,6 +33,7 @@ pub mod smooth;
 pub mod spectrum;
 pub mod stretch;
 mod tell;
+pub mod trust;
 pub mod twin;
 pub mod watch;
 pub mod whiten;

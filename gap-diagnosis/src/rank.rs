@@ -7,14 +7,16 @@ use joint_model::filter::FilterError;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use crate::evidence::{Left, together, variance_of};
 use crate::fit::{Blocks, Bound, HeldOut};
 use crate::hypothesis::Hypothesis;
 use crate::known::{Known, KnownValue};
 use crate::observe::Channel;
 use crate::refine::Refined;
 use crate::respond::Linear;
-use crate::search::{Model, Search, difference, strain};
+use crate::search::{Model, Search, Term, difference, strain};
 use crate::shapes::{evidence_nats, families, on_sides};
+use crate::trust::Trust;
 
 /// Hypotheses whose responses are found anew beside a model with effects.
 const ANEW: usize = 14;
@@ -137,6 +139,73 @@ impl Round {
         let chosen: Vec<usize> = of.columns.clone().collect();
         self.blocks.information(&known, &chosen)
     }
+
+    /// The two effects that explain most together, of `leading` and all others, by what fits of their responses leave: the
+    /// best `count` pairs, best first.
+    pub fn pairs(&self, leading: &[usize], count: usize) -> Vec<[Term; 2]> {
+        let known = self.linear.known.len();
+        let scored = &self.ranking.scored;
+        let without = Left {
+            square: self.blocks.fit(&(0..known).collect::<Vec<_>>()).square,
+            strain: self.ranking.none_strain,
+        };
+        let pairs: Vec<[usize; 2]> = leading
+            .iter()
+            .enumerate()
+            .flat_map(|(before, &one)| {
+                let others = (0..scored.len()).filter(move |other| {
+                    let name = scored[*other].hypothesis.effect;
+                    name != scored[one].hypothesis.effect && !leading[..before].contains(other)
+                });
+                others.map(move |other| [one, other])
+            })
+            .collect();
+        let fits: Vec<(Left, [Term; 2])> = pairs
+            .par_iter()
+            .map(|pair| {
+                let of = pair.map(|index| &scored[index]);
+                let chosen: Vec<usize> = (0..known)
+                    .chain(of[0].columns.clone())
+                    .chain(of[1].columns.clone())
+                    .collect();
+                let fit = self.blocks.fit(&chosen);
+                let left = Left {
+                    square: fit.square,
+                    strain: strain(&self.model, &fit.coefficients[..known]),
+                };
+                let (first, second) = fit.coefficients[known..].split_at(of[0].amplitudes.len());
+                let terms = [(of[0], first), (of[1], second)].map(|(scored, amplitudes)| Term {
+                    hypothesis: scored.hypothesis.clone(),
+                    amplitudes: amplitudes.to_vec(),
+                });
+                (left, terms)
+            })
+            .collect();
+        let squares = fits.iter().map(|(left, _)| left.square);
+        let variance = variance_of(&self.ranking, squares.fold(f64::INFINITY, f64::min));
+        let mut fits: Vec<(f64, [Term; 2])> = fits
+            .into_iter()
+            .map(|(left, pair)| {
+                let effects = pair.iter().map(|term| &term.hypothesis);
+                let nats = together(&self.ranking, [without, left], variance, effects);
+                (nats, pair)
+            })
+            .filter(|(nats, _)| nats.is_finite())
+            .collect();
+        fits.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut best: Vec<[Term; 2]> = Vec::new();
+        for (_, pair) in fits {
+            let names = |pair: &[Term; 2]| {
+                let mut names = pair.each_ref().map(|term| term.hypothesis.effect);
+                names.sort_unstable();
+                names
+            };
+            if best.len() < count && !best.iter().any(|other| names(other) == names(&pair)) {
+                best.push(pair);
+            }
+        }
+        best
+    }
 }
 
 impl Search<'_> {
@@ -199,7 +268,8 @@ impl Search<'_> {
             .map(|scored| scored.hypothesis.clone())
             .collect();
         linear.hypotheses = self.columns(&base, &model, anew)?;
-        Ok(self.round(model, linear, before.ranking.roughness))
+        let roughness = self.roughness(&model)?;
+        Ok(self.round(model, linear, roughness))
     }
 
     fn round(&self, model: Model, linear: Linear, roughness: f64) -> Round {
@@ -291,9 +361,10 @@ impl Search<'_> {
         (ranking, blocks)
     }
 
-    /// What a torque of no named law would be worth beside a model, of each family: over what, and nats. Known values
-    /// are refitted with it, as they respond in a round.
+    /// What a torque of no named law would be worth beside a model, of each family: over what, and nats beyond those of a
+    /// good twin. Known values are refitted with it, as they respond in a round.
     pub fn structure(&self, round: &Round, refined: &Refined) -> Vec<(&'static str, f64)> {
+        let trust = Trust::of(self.twin.joints());
         let known = &round.linear.known;
         let bounds = self.bounds();
         let prior_means: Vec<f64> = refined.model.known.iter().map(|z| -z).collect();
@@ -316,7 +387,7 @@ impl Search<'_> {
                         evidence_nats(matrix, &vector, family.tried)
                     })
                     .fold(0.0, f64::max);
-                (family.over, nats)
+                (family.over, nats - trust.nats(family.over))
             })
             .collect()
     }

@@ -1,7 +1,7 @@
 //! Models fitted by simulation: Gauss-Newton steps over known values, amplitudes and shapes at once.
 
 use joint_model::filter::FilterError;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::fit::{Blocks, Bound, block_of};
@@ -10,6 +10,8 @@ use crate::search::{Model, PLAUSIBLE_STEPS, Search, difference};
 
 /// The smallest part of a step that is tried.
 const SHARE_MIN: f64 = 0.02;
+/// Sizes that are tried before the first step, as parts of the linear response's.
+const START_FACTORS: [f64; 5] = [0.3, 0.6, 1.0, 1.7, 3.0];
 /// Gauss-Newton steps.
 const STEPS: usize = 8;
 
@@ -79,6 +81,35 @@ impl Search<'_> {
             bounds,
             prior_means,
         })
+    }
+
+    /// A model whose last effect has the size, of some, that leaves least, with its known values or with the file's: a
+    /// strong effect does not respond in proportion, and known values that were fitted without it stand in for it.
+    ///
+    /// # Errors
+    /// [`FilterError`].
+    pub fn nearer(&self, model: Model) -> Result<Model, FilterError> {
+        let mut starts = Vec::new();
+        for known in [model.known.clone(), vec![0.0; self.twin.known.len()]] {
+            for factor in START_FACTORS {
+                let mut start = model.clone();
+                start.known.clone_from(&known);
+                if let Some(last) = start.terms.last_mut() {
+                    last.amplitudes.iter_mut().for_each(|a| *a *= factor);
+                }
+                starts.push(start);
+            }
+        }
+        let left = starts
+            .par_iter()
+            .map(|start| {
+                let left = self.objective(start, &self.residual_nm(start)?);
+                // a joint may run away in simulation
+                Ok(if left.is_nan() { f64::INFINITY } else { left })
+            })
+            .collect::<Result<Vec<f64>, FilterError>>()?;
+        let best = (0..starts.len()).min_by(|a, b| left[*a].total_cmp(&left[*b]));
+        Ok(best.map_or(model, |best| starts.swap_remove(best)))
     }
 
     fn step(&self, round: &Round, model: &Model, residual_nm: &[f64]) -> Result<Step, FilterError> {
@@ -170,12 +201,7 @@ impl Search<'_> {
         if refined.columns.is_empty() {
             return (left, DMatrix::zeros(0, 0));
         }
-        let blocks = self.blocks(
-            &refined.columns,
-            &refined.residual_nm,
-            &refined.bounds,
-            &refined.prior_means,
-        );
+        let (blocks, covariance) = self.covariance(refined);
         let all: Vec<usize> = (0..refined.columns.len()).collect();
         let block_of = block_of(&self.twin.rows);
         let folds = blocks.folds(&all);
@@ -184,7 +210,38 @@ impl Search<'_> {
             let column = refined.columns.iter().zip(steps);
             *value -= column.map(|(column, step)| step * column[k]).sum::<f64>();
         }
-        (left, blocks.covariance(&all, &blocks.fit(&all)))
+        (left, covariance)
+    }
+
+    /// Squared size of the last effect of a refined model in units of its covariance, which comes from the scatter between
+    /// blocks of time. None for an effect without a size.
+    pub fn certainty(&self, refined: &Refined) -> Option<f64> {
+        let last = refined.model.terms.last()?;
+        let values = Self::values(&last.hypothesis);
+        let sizes = values - usize::from(last.hypothesis.shape_is_free());
+        if sizes == 0 || refined.columns.len() < values {
+            return None;
+        }
+        let (_, covariance) = self.covariance(refined);
+        let first = covariance.nrows() - values;
+        let own = covariance.view((first, first), (sizes, sizes)).into_owned();
+        let size = DVector::from_column_slice(&last.amplitudes);
+        // what cannot be told apart may be as large as one likes
+        let solved = own.cholesky()?.solve(&size);
+        Some(size.dot(&solved))
+    }
+
+    /// A regression on a refined model's responses, and the covariance of its values, in steps.
+    fn covariance(&self, refined: &Refined) -> (Blocks, DMatrix<f64>) {
+        let blocks = self.blocks(
+            &refined.columns,
+            &refined.residual_nm,
+            &refined.bounds,
+            &refined.prior_means,
+        );
+        let all: Vec<usize> = (0..refined.columns.len()).collect();
+        let covariance = blocks.covariance(&all, &blocks.fit(&all));
+        (blocks, covariance)
     }
 
     fn moved(&self, model: &Model, step: &Step, share: f64) -> Model {

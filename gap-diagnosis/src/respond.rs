@@ -61,6 +61,8 @@ impl Search<'_> {
                         *value -= beside;
                     }
                 }
+                let reach = hypothesis.reach();
+                column.iter_mut().for_each(|value| *value /= reach);
                 Ok(column)
             })
             .collect()

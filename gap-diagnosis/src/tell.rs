@@ -7,7 +7,7 @@ use robot::Effect;
 
 use crate::confuse;
 use crate::diagnose::JointTraces;
-use crate::evidence::{Remains, beyond_twin};
+use crate::evidence::{Remains, most_left};
 use crate::explain::{Explanation, Step};
 use crate::hypothesis::Stage;
 use crate::judge;
@@ -94,7 +94,7 @@ impl Told<'_> {
                 let (parameters, side) = judge::parameters(self.search, refined, covariance, term);
                 NamedEffect {
                     effect: name.to_owned(),
-                    probability: probability_of(step, name),
+                    probability: (1.0 - RISK) * step.probability_of(name),
                     parameters,
                     side,
                     shrink_alone: judge::shrink_alone(self.search, refined, term, before_nm),
@@ -229,7 +229,7 @@ impl Told<'_> {
 
     /// Over what a torque of no named law lies.
     fn left_over(&self) -> String {
-        beyond_twin(&self.last().structure).map_or_else(
+        most_left(&self.last().structure).map_or_else(
             || "of no shape".to_owned(),
             |(over, _)| format!("over {over}"),
         )
@@ -356,13 +356,6 @@ fn parts(steps: &[&Step]) -> Vec<f64> {
             _ => 1.0,
         })
         .collect()
-}
-
-fn probability_of(step: &Step, effect: &str) -> f64 {
-    step.probabilities
-        .iter()
-        .find(|p| p.effect == effect)
-        .map_or(0.0, |p| (1.0 - RISK) * p.probability)
 }
 
 /// What a finding may be called: command and position show only the sum of both delays.
