@@ -14,11 +14,11 @@ pub(crate) const DISTANCE_MIN: f64 = 9.0;
 const ALIKE_PART: f64 = 0.05;
 const ALIKE_TO_KNOWN_PART: f64 = 0.1;
 /// Pairs that are shown.
-const PAIRS_MAX: usize = 8;
+const PAIRS_MAX: usize = 12;
 /// Nats by which an explanation must lead one that is near to it.
 const LEAD_NATS: f64 = 3.0;
 
-/// What is too near to an effect that was named to be told from it, nearest first. On poor motion also what is near among the
+/// What is too near to an effect that was named to be told from it, the most probable two first. On poor motion also what is near among the
 /// effects of known values, if nothing was named.
 pub(crate) fn pairs(told: &Told<'_>) -> Vec<Confusable> {
     let counted = told.counted.iter().filter_map(|found| match names(found) {
@@ -33,7 +33,19 @@ pub(crate) fn pairs(told: &Told<'_>) -> Vec<Confusable> {
         all.extend(others_alike(told, step, own, own_nats));
         all.extend(imitated_by_known(told, step, own));
     }
-    all.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+    let candidates = told.candidates();
+    let probable = |pair: &Confusable| -> f64 {
+        let of = |name: &String| {
+            let mut all = candidates.iter();
+            all.find(|candidate| candidate.effect == *name)
+                .map_or(0.0, |candidate| candidate.probability)
+        };
+        pair.effects.iter().map(of).product()
+    };
+    all.sort_by(|a, b| {
+        let by_distance = a.distance.total_cmp(&b.distance);
+        probable(b).total_cmp(&probable(a)).then(by_distance)
+    });
     if told.poverty.is_some() && told.added().next().is_none() {
         all.extend(hidden_by_known(told, told.last()));
     }

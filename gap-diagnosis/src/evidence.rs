@@ -42,6 +42,10 @@ const TURNS_NATS: f64 = 8.0;
 /// Standard errors, from the scatter between blocks of time, above which an effect's size is not in doubt.
 const SURE_ERRORS: f64 = 5.0;
 
+/// Both add the same torque whichever way a joint turns. They part only where it sticks, where a twin's friction is no better
+/// than another's.
+const SAME_TORQUE: [&str; 2] = ["torque_offset", "asymmetric_friction"];
+
 /// What an explanation is worth that explains nothing.
 const NOTHING: f64 = -1e9;
 
@@ -185,10 +189,27 @@ pub fn standings(ranking: &Ranking) -> Standings {
             effects.push((index, nats));
         }
     }
-    Standings { effects }
+    let mut standings = Standings { effects };
+    standings.level(ranking);
+    standings
 }
 
 impl Standings {
+    /// Gives both of what nothing tells apart the evidence of the better one.
+    fn level(&mut self, ranking: &Ranking) {
+        let is_one = |index: usize| SAME_TORQUE.contains(&ranking.scored[index].hypothesis.effect);
+        let both = self.effects.iter().filter(|(index, _)| is_one(*index));
+        let Some(most) = both.map(|(_, nats)| *nats).reduce(f64::max) else {
+            return;
+        };
+        for (index, nats) in &mut self.effects {
+            if is_one(*index) {
+                *nats = most;
+            }
+        }
+        self.effects.sort_by(|a, b| b.1.total_cmp(&a.1));
+    }
+
     /// Of a hypothesis, by its index.
     pub fn nats_of(&self, index: usize) -> f64 {
         self.effects
@@ -226,23 +247,25 @@ impl Standings {
                 _ => worth,
             }
         };
-        // the others stay as far behind all that were simulated as their linear responses were
-        let simulated: Vec<(usize, f64, f64)> = simulated
+        let mut simulated: Vec<(usize, f64, f64)> = simulated
             .iter()
             .map(|one| (one.index, self.nats_of(one.index), value(one)))
             .collect();
+        simulated.sort_by(|a, b| b.1.total_cmp(&a.1));
         for (index, nats) in &mut self.effects {
             let own = simulated.iter().find(|(other, ..)| other == index);
-            *nats = match own {
-                Some((.., value)) => *value,
-                None if simulated.is_empty() => *nats,
-                None => simulated
-                    .iter()
-                    .map(|(_, linear, value)| value + (*nats - linear).min(0.0))
-                    .fold(f64::INFINITY, f64::min),
+            // the others stay as far behind the next better one that was simulated as their linear responses were
+            let next = || {
+                let better = simulated.iter().rev().find(|(_, linear, _)| linear >= nats);
+                better.or(simulated.first())
+            };
+            *nats = match own.or_else(next) {
+                Some((other, _, value)) if other == index => *value,
+                Some((_, linear, value)) => value + (*nats - linear).min(0.0),
+                None => *nats,
             };
         }
-        self.effects.sort_by(|a, b| b.1.total_cmp(&a.1));
+        self.level(ranking);
     }
 
     /// Of each effect and `none`; most probable first.

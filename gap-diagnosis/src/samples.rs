@@ -16,7 +16,7 @@ const COARSER: f64 = 1.4;
 /// A velocity that lags its own position by less is filtered as it should be.
 const LAG_MIN_S: f64 = 6e-4;
 /// Samples over which the drive's response is sought.
-const TAPS: usize = 32;
+const TAPS: usize = 64;
 /// A step of the command stands out if it is so many times the noise.
 const SURE_STEP: f64 = 8.0;
 /// Time constant of a current loop as it should be.

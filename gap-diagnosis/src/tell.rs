@@ -108,7 +108,7 @@ impl Told<'_> {
     }
 
     /// Probabilities of the steps that added something, or of the last one, with what was counted in the samples.
-    fn candidates(&self) -> Vec<Candidate> {
+    pub fn candidates(&self) -> Vec<Candidate> {
         let steps: Vec<&Step> = self.added().collect();
         let steps = if steps.is_empty() {
             vec![self.last()]
