@@ -306,8 +306,14 @@ impl Told<'_> {
     }
 }
 
-/// A kinematic error has up to three harmonics: one effect, numbered parameters.
+/// A kinematic error has up to three harmonics: one effect, parameters numbered by rising cycles.
 fn merge_harmonics(effects: &mut Vec<NamedEffect>) {
+    let cycles = |effect: &NamedEffect| {
+        let of = (effect.effect == "kinematic_error").then_some("cycles_per_motor_rev");
+        of.and_then(|name| effect.parameters.get(name))
+            .map_or(0.0, |cycles| cycles.value)
+    };
+    effects.sort_by(|a, b| cycles(a).total_cmp(&cycles(b)));
     let mut merged: Vec<NamedEffect> = Vec::with_capacity(effects.len());
     let mut harmonic = 1;
     for effect in effects.drain(..) {
@@ -393,5 +399,49 @@ fn counted_effect(found: &Found) -> NamedEffect {
         parameters,
         side,
         shrink_alone: 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::Parameter;
+
+    fn named(effect: &str, cycles: f64) -> NamedEffect {
+        let parameter = |value: f64| Parameter {
+            value,
+            std: 0.0,
+            at_bound: false,
+        };
+        NamedEffect {
+            effect: effect.to_owned(),
+            probability: 0.9,
+            parameters: [
+                ("cycles_per_motor_rev".to_owned(), parameter(cycles)),
+                ("amplitude_rad".to_owned(), parameter(1e-4 * cycles)),
+            ]
+            .into(),
+            side: None,
+            shrink_alone: 0.1 * cycles,
+        }
+    }
+
+    #[test]
+    fn harmonics_are_one_effect_numbered_by_rising_cycles() {
+        let mut effects = vec![
+            named("kinematic_error", 2.0),
+            named("torque_ripple", 6.0),
+            named("kinematic_error", 1.0),
+        ];
+        merge_harmonics(&mut effects);
+        assert_eq!(effects.len(), 2);
+        let error = effects
+            .iter()
+            .find(|effect| effect.effect == "kinematic_error");
+        let parameters = &error.map(|error| &error.parameters);
+        let value = |name: &str| parameters.map(|all| all[name].value);
+        assert_eq!(value("cycles_per_motor_rev"), Some(1.0));
+        assert_eq!(value("cycles_per_motor_rev_2"), Some(2.0));
+        assert_eq!(value("amplitude_rad_2"), Some(2e-4));
     }
 }
