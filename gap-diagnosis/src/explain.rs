@@ -3,8 +3,8 @@
 use joint_model::filter::FilterError;
 
 use crate::evidence::{
-    Left, Probability, Remains, Simulated, Standings, remains, standings, together, unknown_probability,
-    variance_of,
+    Left, Probability, Remains, Simulated, Standings, remains, standings, together,
+    unknown_probability, variance_of,
 };
 use crate::judge::Squares;
 use crate::rank::{ALIKE, Round};

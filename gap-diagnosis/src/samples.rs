@@ -171,7 +171,10 @@ impl Response {
             let reached_nm = reached_nm(torque_nm);
             for k in TAPS + 1..torque_nm.len() {
                 // a drive at its limit does not follow, and a lag is not to be made of that
-                if command_nm[k - TAPS..=k].iter().any(|u| u.abs() > reached_nm) {
+                if command_nm[k - TAPS..=k]
+                    .iter()
+                    .any(|u| u.abs() > reached_nm)
+                {
                     continue;
                 }
                 // steps tell one sample from the next; the values themselves are all alike
