@@ -3,7 +3,17 @@
 use recording::{CheckJoint, CheckRobot, Finding, FindingKind, Recording, Severity, check};
 use robot::{Robot, RobotJoint};
 
+use crate::known::Known;
+use crate::refine::Refined;
 use crate::report::DataFinding;
+use crate::search::Search;
+
+/// By how much, as a part of the time between samples, a joint's two encoders must be read apart to be told.
+const SKEW_TOLD_PART: f64 = 0.25;
+/// By how much their zeros must lie apart.
+const ZERO_TOLD_RAD: f64 = 5e-4;
+/// Standard errors that both must be.
+const TOLD_ERRORS: f64 = 3.0;
 
 /// What the checks need to know of a robot.
 pub fn check_robot(robot: &Robot) -> CheckRobot {
@@ -92,4 +102,47 @@ impl Checked {
             })
             .collect()
     }
+}
+
+/// That a joint's two encoders do not show the same angle at the same instant, as a fit found.
+pub(crate) fn encoders(joint: &str, search: &Search<'_>, refined: &Refined) -> Vec<DataFinding> {
+    let (_, covariance) = search.held_out(refined);
+    let found = |value: Known| {
+        let known = &search.twin.known;
+        let place = known.iter().position(|known| known.known == value)?;
+        let deviation = known[place].deviation;
+        let off = refined.model.known.get(place)? * deviation;
+        let std = covariance.get((place, place))?.sqrt() * deviation;
+        (off.abs() > TOLD_ERRORS * std).then_some((off, std))
+    };
+    let note = |what: String, remedy: &str| DataFinding {
+        joint: Some(joint.to_owned()),
+        severity: "note".to_owned(),
+        what,
+        remedy: remedy.to_owned(),
+    };
+    let period_s = search.scale.period_s;
+    let skew = found(Known::Skew).filter(|(skew_s, _)| skew_s.abs() > SKEW_TOLD_PART * period_s);
+    let skew = skew.map(|(skew_s, std_s)| {
+        let when = if skew_s > 0.0 { "later" } else { "earlier" };
+        let what = format!(
+            "the link's encoder is read {:.2} ± {:.2} ms {when} than the motor's, {:.2} of the time between samples; the \
+             diagnosis allows for it, but the twist between them is off by that times the velocity",
+            1e3 * skew_s.abs(),
+            1e3 * std_s,
+            skew_s.abs() / period_s,
+        );
+        note(what, "record both at the same instant")
+    });
+    let zero = found(Known::Zero).filter(|(zero_rad, _)| zero_rad.abs() > ZERO_TOLD_RAD);
+    let zero = zero.map(|(zero_rad, std_rad)| {
+        let what = format!(
+            "the link's encoder shows {:.2} ± {:.2} mrad {} than the motor's without load; the diagnosis allows for it",
+            1e3 * zero_rad.abs(),
+            1e3 * std_rad,
+            if zero_rad > 0.0 { "more" } else { "less" },
+        );
+        note(what, "set the zeros of both where no torque twists the gear")
+    });
+    skew.into_iter().chain(zero).collect()
 }

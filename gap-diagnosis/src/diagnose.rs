@@ -9,7 +9,7 @@ use recording::Recording;
 use robot::{Effect, Robot};
 
 use crate::control;
-use crate::data::Checked;
+use crate::data::{self, Checked};
 use crate::explain::{Explanation, explain};
 use crate::hypothesis::{self, Scale};
 use crate::judge;
@@ -23,7 +23,7 @@ use crate::samples::{self, Found};
 use crate::search::{Search, Term};
 use crate::shared::{self, Shared};
 use crate::stretch::{StretchError, stretches};
-use crate::tell::Told;
+use crate::tell::{Told, counted_effect};
 use crate::twin::JointTwin;
 
 /// Why a diagnosis cannot be made.
@@ -122,6 +122,7 @@ pub fn diagnose(
         let repeated = Repeated::among(recordings);
         let (joints, shared) = searched(robot, &twins, counted, &repeated, progress)?;
         report.data.extend(repeated.that_differ());
+        let common = shared::common_delay(counted);
         for (index, joint) in joints.iter().enumerate() {
             let name = &robot.joints[index].name;
             let Some((search, explanation)) = joint else {
@@ -137,17 +138,26 @@ pub fn diagnose(
                 name,
                 search,
                 explanation,
+                joint: index,
                 counted: &counted[index],
                 shared: seen.collect(),
+                common: common.as_ref(),
                 poverty: checked.poverty(name),
             };
             report.joints.push(told.report()?);
             report.data.extend(repeated.floor(name, search));
+            report
+                .data
+                .extend(data::encoders(name, search, &explanation.refined));
             traces.push(told.traces()?);
         }
-        report.shared_effects = shared
-            .iter()
+        let fitted = shared.iter();
+        report.shared_effects = fitted
             .map(|shared| shared_effect(robot, &joints, shared))
+            .chain(common.iter().map(|common| SharedEffect {
+                effect: counted_effect(&common.found),
+                joints: names_of(robot, &common.joints),
+            }))
             .collect();
     }
     report.data.sort_by_key(DataFinding::rank);
@@ -297,11 +307,6 @@ pub fn settled(counted: &[Found], scale: &Scale) -> Vec<Term> {
 }
 
 fn shared_effect(robot: &Robot, joints: &[Searched<'_>], shared: &Shared) -> SharedEffect {
-    let names = shared
-        .joints
-        .iter()
-        .map(|index| robot.joints[*index].name.clone())
-        .collect();
     let own = shared
         .joints
         .first()
@@ -317,8 +322,15 @@ fn shared_effect(robot: &Robot, joints: &[Searched<'_>], shared: &Shared) -> Sha
             side: None,
             shrink_alone: 0.0,
         },
-        joints: names,
+        joints: names_of(robot, &shared.joints),
     }
+}
+
+fn names_of(robot: &Robot, joints: &[usize]) -> Vec<String> {
+    let joints = joints.iter();
+    joints
+        .map(|index| robot.joints[*index].name.clone())
+        .collect()
 }
 
 pub(crate) fn insufficient(joint: &str, why: String) -> JointReport {

@@ -126,7 +126,7 @@ fn cost(ranking: &Ranking, hypothesis: &Hypothesis) -> f64 {
     } else {
         0.0
     };
-    let mut beside = beside + (ranking.joints as f64).ln();
+    let mut beside = beside + Trust::of(ranking.joints).naming_nats;
     if is_twist && ranking.joints > 1 {
         beside += OTHERS_TWIST;
     }
@@ -242,7 +242,8 @@ impl Standings {
             match simulated.certainty {
                 Some(square) if square < SURE_ERRORS.powi(2) => {
                     let values = scored.hypothesis.amplitudes() + scored.hypothesis.shape.len();
-                    worth.min(0.5 * square - naming(values))
+                    let more = Trust::of(ranking.joints).naming_nats;
+                    worth.min(0.5 * square - naming(values) - more)
                 }
                 _ => worth,
             }
@@ -254,10 +255,15 @@ impl Standings {
         simulated.sort_by(|a, b| b.1.total_cmp(&a.1));
         for (index, nats) in &mut self.effects {
             let own = simulated.iter().find(|(other, ..)| other == index);
-            // the others stay as far behind the next better one that was simulated as their linear responses were
+            // the others stay as far behind the next better one that was simulated as their linear responses were; one
+            // without a linear response is no measure for them
             let next = || {
-                let better = simulated.iter().rev().find(|(_, linear, _)| linear >= nats);
-                better.or(simulated.first())
+                let mut responding = simulated
+                    .iter()
+                    .filter(|(index, ..)| ranking.scored[*index].size_nm > 0.0);
+                let first = responding.clone().next();
+                let better = responding.rfind(|(_, linear, _)| linear >= nats);
+                better.or(first)
             };
             *nats = match own.or_else(next) {
                 Some((other, _, value)) if other == index => *value,
@@ -276,7 +282,8 @@ impl Standings {
             .map(|(index, nats)| (ranking.scored[*index].hypothesis.effect, *nats))
             .chain([("none", 0.0)])
             .collect();
-        all.sort_by(|a, b| b.1.total_cmp(&a.1));
+        // what nothing tells apart stands by name
+        all.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(b.0)));
         let most = all[0].1;
         let sum: f64 = all.iter().map(|(_, nats)| (nats - most).exp()).sum();
         all.into_iter()

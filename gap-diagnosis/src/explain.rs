@@ -6,6 +6,7 @@ use crate::evidence::{
     Left, Probability, Remains, Simulated, Standings, remains, standings, together,
     unknown_probability, variance_of,
 };
+use crate::hypothesis::Hypothesis;
 use crate::judge::Squares;
 use crate::rank::{ALIKE, Round};
 use crate::refine::Refined;
@@ -148,7 +149,7 @@ pub fn explain(search: &Search<'_>, settled: &[Term]) -> Result<Explanation, Fil
     growing.grow()?;
     growing.settle()?;
     if is_gap && (growing.added.len() > 1 || growing.is_left(&without) || growing.is_strained()) {
-        growing.start_from_pairs(&first)?;
+        growing.start_anew(&first)?;
     }
     let named_gain = growing.named_gain(&without);
     let mut rounds = growing.added;
@@ -215,8 +216,9 @@ impl Growing<'_, '_> {
         strain(&self.refined.model, &[]) > count + STRAINED * (2.0 * count).sqrt()
     }
 
-    /// Begins with two effects at once: the one that takes off most alone need not be one of the two that are there.
-    fn start_from_pairs(&mut self, first: &Step) -> Result<(), FilterError> {
+    /// Begins anew with two effects at once, since the one that takes off most alone need not be one of the two that are
+    /// there; or with one of twist from sizes of its own, since known values that stand in for it leave no response to it.
+    fn start_anew(&mut self, first: &Step) -> Result<(), FilterError> {
         let search = self.search;
         let ranking = &first.round.ranking;
         let leading = first.standings.effects.iter().take(PAIRS_OF);
@@ -228,30 +230,47 @@ impl Growing<'_, '_> {
             let effects = terms.iter().map(|term| &term.hypothesis);
             together(ranking, [without, left(refined)], variance, effects)
         };
-        let mut best: Option<Refined> = None;
-        for pair in first.round.pairs(&leading, PAIRS) {
+        let with = |terms: Vec<Term>| {
             let mut model = first.base.model.clone();
-            model.terms.extend(pair);
+            model.terms.extend(terms);
+            model
+        };
+        let pairs = first.round.pairs(&leading, PAIRS).into_iter();
+        let mut starts: Vec<Model> = pairs.map(|pair| with(pair.into())).collect();
+        for effect in TWIST {
+            let mut scored = ranking.scored.iter();
+            if let Some(scored) = scored.find(|scored| scored.hypothesis.effect == effect) {
+                let hypothesis = scored.hypothesis.clone();
+                let amplitudes = vec![0.0; hypothesis.amplitudes()];
+                let term = Term {
+                    hypothesis,
+                    amplitudes,
+                };
+                starts.push(search.nearer(with(vec![term]))?);
+            }
+        }
+        let mut best: Option<Refined> = None;
+        for model in starts {
             let refined = search.refine(&first.round, &model)?;
             let total = left(&refined).total();
             if total.is_finite() && best.as_ref().is_none_or(|best| total < left(best).total()) {
                 best = Some(refined);
             }
         }
-        let Some(pair) = best else {
+        let Some(best) = best else {
             return Ok(());
         };
         let variance = |other: &Refined| {
             let least = left(&self.refined).square.min(left(other).square);
             variance_of(ranking, least)
         };
-        let at = variance(&pair);
-        if worth(&pair, at) <= worth(&self.refined, at) + FURTHER_NATS {
+        let at = variance(&best);
+        if worth(&best, at) <= worth(&self.refined, at) + FURTHER_NATS {
             return Ok(());
         }
         let mut other = self.clone();
-        other.added = vec![first.clone(); 2];
-        other.refined = pair;
+        other.added = vec![first.clone(); best.model.terms.len() - self.settled];
+        other.refined = best;
         other.reconsider()?;
         other.look()?;
         other.grow()?;
@@ -297,16 +316,22 @@ impl Growing<'_, '_> {
 
     /// What an effect must be worth beside those already added.
     fn worth(&self, best: &Refitted) -> f64 {
-        let most = self.added.iter().map(|step| step.best_nats);
-        let Some(most) = most.max_by(f64::total_cmp) else {
+        if self.added.is_empty() {
             return 0.0;
-        };
+        }
+        let added = best.refined.model.terms.last().map(|t| &t.hypothesis);
+        // what changes with every turn of the motor is not off by what changes with the load
+        let is_slow = added.is_some_and(Hypothesis::is_slow);
+        let terms = &self.refined.model.terms[self.settled..];
+        let before = self.added.iter().zip(terms);
+        let before = before.filter(|(_, term)| !(is_slow && term.hypothesis.is_periodic()));
+        let most = before.map(|(step, _)| step.best_nats);
+        let most = most.fold(0.0, f64::max);
         if best.is_companion(&self.refined.model) {
             most * COMPANION_PART
         } else {
             let part = most * FURTHER_PART;
-            let terms = &best.refined.model.terms;
-            let is_periodic = terms.last().is_some_and(|t| t.hypothesis.is_periodic());
+            let is_periodic = added.is_some_and(Hypothesis::is_periodic);
             // what repeats with an angle can be found in anything that is left
             let enough = if self.is_strained() {
                 0.0
@@ -520,7 +545,7 @@ impl Step {
                 refined,
             })
             .collect();
-        refitted.sort_by(|a, b| b.nats.total_cmp(&a.nats));
+        refitted.sort_by(|a, b| b.nats.total_cmp(&a.nats).then(a.effect.cmp(b.effect)));
         Ok(Self {
             best_nats: refitted.first().map_or(0.0, |best| best.nats),
             base,

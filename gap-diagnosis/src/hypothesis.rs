@@ -349,6 +349,22 @@ impl Hypothesis {
         )
     }
 
+    /// Whether its torque follows load, direction or time, and changes with nothing quicker.
+    pub fn is_slow(&self) -> bool {
+        matches!(
+            self.form,
+            Form::Asymmetric
+                | Form::ConstantDrift
+                | Form::FirstOrderDrift
+                | Form::Offset
+                | Form::Payload
+                | Form::Gravity
+                | Form::Spring
+                | Form::Tilt
+                | Form::EncoderOffset
+        )
+    }
+
     /// Between which the shape is sought.
     pub fn shape_range(&self, scale: &Scale) -> [f64; 2] {
         match self.form {

@@ -107,6 +107,10 @@ pub struct JointModel {
     pub motor_resolution_rad: f64,
     /// Zero for none.
     pub link_resolution_rad: f64,
+    /// How much later the link's encoder is read than the motor's.
+    pub link_skew_s: f64,
+    /// Zero of the link's encoder less that of the motor's.
+    pub link_zero_rad: f64,
     /// Noise of the position sensors, each on its side.
     pub position_noise_rad: f64,
     /// Motor side.
@@ -150,6 +154,8 @@ impl JointModel {
             link_eccentricity: ArrayVec::new(),
             motor_resolution_rad: file.motor_encoder_resolution_rad.unwrap_or(0.0),
             link_resolution_rad: file.link_encoder_resolution_rad.unwrap_or(0.0),
+            link_skew_s: 0.0,
+            link_zero_rad: 0.0,
             position_noise_rad: file.position_noise_rad,
             torque_noise_nm: file.torque_noise_nm,
             command_delay_s: 0.0,

@@ -25,6 +25,11 @@ const CREEP_RAD_S: f64 = 0.015;
 /// development robots, and how many harmonics are looked at.
 const WAVINESS_PART: f64 = 0.06;
 const WAVY_TERMS: usize = 3;
+/// Standard deviation of the time between readings of a joint's two encoders, as a part of the time between samples: who reads
+/// them one after the other does so within about one.
+const SKEW_PART: f64 = 0.5;
+/// Standard deviation of the difference between their zeros.
+const ZERO_RAD: f64 = 1e-3;
 /// Natural logarithm of the factor by which a presliding length may be off.
 const PRESLIDING_LN: f64 = 1.0;
 
@@ -70,9 +75,18 @@ pub enum Known {
     Rounding,
     /// How much less friction there is in creeping motion, where bristles have not all bent: joint-side torque.
     Creep,
+    /// How much later the link's encoder is read than the motor's.
+    Skew,
+    /// Zero of the link's encoder less that of the motor's.
+    Zero,
 }
 
 impl Known {
+    /// Whether it is about what the sensors show, not about how the joint moves.
+    pub fn is_of_sensors(self) -> bool {
+        matches!(self, Self::Skew | Self::Zero)
+    }
+
     /// The effect that a change of the value would be called; none for what no effect is made of.
     pub fn effect(self) -> Option<&'static str> {
         match self {
@@ -88,9 +102,13 @@ impl Known {
             Self::Stiffness => Some("torsional_compliance"),
             Self::RotorInertia => Some("rotor_inertia"),
             Self::Mass(_) => Some("payload"),
-            Self::Waviness(..) | Self::Presliding | Self::Lag | Self::Rounding | Self::Creep => {
-                None
-            }
+            Self::Waviness(..)
+            | Self::Presliding
+            | Self::Lag
+            | Self::Rounding
+            | Self::Creep
+            | Self::Skew
+            | Self::Zero => None,
         }
     }
 }
@@ -192,6 +210,8 @@ impl KnownValue {
                     stribeck_velocity_rad_s: CREEP_RAD_S,
                 });
             }
+            Known::Skew => model.link_skew_s += change,
+            Known::Zero => model.link_zero_rad += change,
             Known::Mass(_) => {}
         }
     }
@@ -212,8 +232,12 @@ fn scale_row(row: &mut LoadTorqueRow, factor: f64) {
     }
 }
 
-/// What is known of a joint, without the links' masses.
-pub fn of_joint(model: &JointModel, tolerance: &Tolerance) -> Vec<KnownValue> {
+/// What is known of a joint, without the links' masses. `both_every_s`: time between samples, where both encoders are recorded.
+pub fn of_joint(
+    model: &JointModel,
+    tolerance: &Tolerance,
+    both_every_s: Option<f64>,
+) -> Vec<KnownValue> {
     let mut all = Vec::new();
     let mut add = |known: Known, name: &str| {
         let deviation = tolerance.of(name);
@@ -293,6 +317,10 @@ pub fn of_joint(model: &JointModel, tolerance: &Tolerance) -> Vec<KnownValue> {
     }
     if friction.load_torque.is_some() {
         beside(Known::Rounding, ROUNDING_NM);
+    }
+    if let Some(period_s) = both_every_s {
+        beside(Known::Skew, SKEW_PART * period_s);
+        beside(Known::Zero, ZERO_RAD);
     }
     all
 }

@@ -12,6 +12,9 @@ use crate::search::{Model, PLAUSIBLE_STEPS, Search, difference};
 const SHARE_MIN: f64 = 0.02;
 /// Sizes that are tried before the first step, as parts of the linear response's.
 const START_FACTORS: [f64; 5] = [0.3, 0.6, 1.0, 1.7, 3.0];
+/// Sizes, in steps, that are tried where the linear response says that there is nothing: known values that stand in for an effect
+/// leave none of it.
+const START_SIZES: [f64; 4] = [3.0, 30.0, 100.0, 300.0];
 /// Gauss-Newton steps.
 const STEPS: usize = 8;
 
@@ -91,11 +94,20 @@ impl Search<'_> {
     pub fn nearer(&self, model: Model) -> Result<Model, FilterError> {
         let mut starts = Vec::new();
         for known in [model.known.clone(), vec![0.0; self.twin.known.len()]] {
-            for factor in START_FACTORS {
+            let last = model.terms.last();
+            let fitted = last.map_or(&[][..], |last| &last.amplitudes[..]);
+            let sizes: Vec<Vec<f64>> = if fitted.iter().all(|a| *a == 0.0) {
+                START_SIZES.map(|size| vec![size; fitted.len()]).into()
+            } else {
+                START_FACTORS
+                    .map(|factor| fitted.iter().map(|a| factor * a).collect())
+                    .into()
+            };
+            for amplitudes in sizes {
                 let mut start = model.clone();
                 start.known.clone_from(&known);
                 if let Some(last) = start.terms.last_mut() {
-                    last.amplitudes.iter_mut().for_each(|a| *a *= factor);
+                    last.amplitudes = amplitudes;
                 }
                 starts.push(start);
             }

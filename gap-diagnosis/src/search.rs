@@ -207,7 +207,8 @@ impl<'a> Search<'a> {
                 let mut beside = model.clone();
                 beside.known.resize(self.twin.known.len(), 0.0);
                 let mut random = uniform(run);
-                for (known, of) in beside.known.iter_mut().zip(&self.twin.known) {
+                let known = beside.known.iter_mut().zip(&self.twin.known);
+                for (known, of) in known.filter(|(_, of)| !of.known.is_of_sensors()) {
                     let step = NEXT_TO_NOTHING * (2.0 * random() - 1.0);
                     *known += if of.is_positive() { step.abs() } else { step };
                 }

@@ -296,9 +296,11 @@ impl State {
         noise: Option<&mut (dyn Noise + '_)>,
     ) -> Measured {
         self.newest = (self.newest + 1) % HISTORY;
+        // so little later that the link turns on as it does
+        let link_rad = self.link_rad + model.link_skew_s * self.link_rad_s + model.link_zero_rad;
         self.seen[self.newest] = [
             self.motor_rad,
-            self.link_rad,
+            link_rad,
             self.drive_nm,
             self.joint_torque_nm,
             self.holding_nm,

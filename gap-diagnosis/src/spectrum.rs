@@ -9,8 +9,8 @@ use crate::twin::Row;
 
 /// Fewest and most cycles per motor turn that are looked for.
 const CYCLES: [f64; 2] = [0.5, 24.0];
-/// Periods of the slowest one within the recorded range.
-const PERIODS_MIN: f64 = 2.0;
+/// Periods of the slowest one within the recorded range: fewer are a shape over position that anything may have.
+const PERIODS_MIN: f64 = 4.0;
 /// Steps between two numbers of cycles that the range can tell apart.
 const OVERSAMPLING: f64 = 3.0;
 /// The most numbers of cycles that are tried.

@@ -18,7 +18,7 @@ use crate::report::{
 };
 use crate::samples::Found;
 use crate::search::{Model, Search};
-use crate::shared::Shared;
+use crate::shared::{CommonDelay, Shared};
 
 /// Probability of what was counted in the samples.
 const COUNTED: f64 = 0.97;
@@ -34,8 +34,12 @@ pub(crate) struct Told<'a> {
     pub name: &'a str,
     pub search: &'a Search<'a>,
     pub explanation: &'a Explanation,
+    /// Index in the robot file.
+    pub joint: usize,
     pub counted: &'a [Found],
     pub shared: Vec<&'a Shared>,
+    /// A delay that this joint may share with others.
+    pub common: Option<&'a CommonDelay>,
     pub poverty: Option<&'static str>,
 }
 
@@ -102,9 +106,23 @@ impl Told<'_> {
             })
             .collect();
         merge_harmonics(&mut effects);
-        effects.extend(self.counted.iter().map(counted_effect));
+        let own = self.counted.iter().filter(|found| !self.is_common(found));
+        effects.extend(own.map(counted_effect));
         effects.sort_by(|a, b| b.shrink_alone.total_cmp(&a.shrink_alone));
         effects
+    }
+
+    fn is_common(&self, found: &Found) -> bool {
+        self.common
+            .is_some_and(|common| common.is_seen_as(found, self.joint))
+    }
+
+    /// Names of the shared effects that this joint sees.
+    fn shared_names(&self) -> impl Iterator<Item = &str> {
+        let fitted = self.shared.iter();
+        let fitted = fitted.map(|shared| shared.term.hypothesis.effect);
+        let common = self.counted.iter().filter(|found| self.is_common(found));
+        fitted.chain(common.map(|found| found.effect.name()))
     }
 
     /// Probabilities of the steps that added something, or of the last one, with what was counted in the samples.
@@ -159,7 +177,7 @@ impl Told<'_> {
 
     fn verdict(&self, effects: &[NamedEffect], confusable: &[Confusable]) -> Verdict {
         let remains = self.explanation.remains();
-        if effects.is_empty() && self.shared.is_empty() {
+        if effects.is_empty() && self.shared_names().next().is_none() {
             return match (remains, self.last().probabilities[0].effect) {
                 (Remains::Nothing, "none") => Verdict::NoGap,
                 (Remains::Nothing, _) => Verdict::Ambiguous,
@@ -193,6 +211,7 @@ impl Told<'_> {
         let names: Vec<&str> = effects
             .iter()
             .map(|effect| effect.effect.as_str())
+            .chain(self.shared_names())
             .collect();
         let mut reason = match verdict {
             Verdict::NoGap => format!(
@@ -376,7 +395,7 @@ pub(crate) fn names(found: &Found) -> &[&'static str] {
     }
 }
 
-fn counted_effect(found: &Found) -> NamedEffect {
+pub(crate) fn counted_effect(found: &Found) -> NamedEffect {
     let std = found.std;
     let parameters = judge::numbers(&found.effect)
         .into_iter()

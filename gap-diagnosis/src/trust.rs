@@ -12,6 +12,9 @@ pub struct Trust {
     pub of_any_shape: f64,
     /// No twin is taken to be better than this.
     pub least: f64,
+    /// What naming an effect costs more, in nats: each of several joints may look like something by chance, and what the
+    /// others do is not independent from sample to sample.
+    pub naming_nats: f64,
     /// Nats of torques of no named law over velocity, acceleration, jerk and travel since a reversal: a twin's friction is
     /// another's law.
     pub friction_nats: f64,
@@ -24,6 +27,7 @@ const ALONE: Trust = Trust {
     by_known: 0.1,
     of_any_shape: 0.7,
     least: 0.7,
+    naming_nats: 0.0,
     friction_nats: 90.0,
     rest_nats: 45.0,
 };
@@ -32,6 +36,7 @@ const IN_ARM: Trust = Trust {
     by_known: 0.3,
     of_any_shape: 0.7,
     least: 1.0,
+    naming_nats: 6.0,
     friction_nats: 90.0,
     rest_nats: 60.0,
 };

@@ -118,7 +118,10 @@ impl<'a> JointTwin<'a> {
             })
             .collect();
         let motions: Vec<_> = there.iter().map(|(stretch, _)| &stretch.motion).collect();
-        let mut known = known::of_joint(&nominal, &robot.tolerance);
+        let has_both = channels.contains(&Channel::Torsion);
+        let periods_s = there.iter().map(|(_, signals)| signals.drive.period_s);
+        let both_every_s = has_both.then(|| periods_s.fold(0.0, f64::max));
+        let mut known = known::of_joint(&nominal, &robot.tolerance, both_every_s);
         let masses = known::masses(robot, joint, &motions);
         let beside = known.len();
         known.extend(masses.iter().map(|(known, _)| known.clone()));
