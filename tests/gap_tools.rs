@@ -6,6 +6,7 @@ mod support;
 use std::fs;
 use std::io::{BufRead, BufReader};
 
+use recording::Signal;
 use serde_json::Value;
 use support::{Bench, kill, output, spawn, text};
 
@@ -109,6 +110,47 @@ fn two_friction_laws_at_once_are_both_named() {
     for imitator in ["stribeck_friction", "quadratic_friction"] {
         assert!(effects.iter().all(|found| found["effect"] != imitator));
     }
+}
+
+#[test]
+fn encoders_that_are_read_apart_are_told_and_no_effect_is_named_for_it() {
+    const EARLIER_MS: f64 = 0.3;
+    const ZERO_RAD: f64 = 2e-3;
+    let bench = bench("read_apart");
+    let more = "[[effect]]\njoint = \"joint1\"\neffect = \"coulomb_friction\"\ncoulomb_nm = 0.5\n";
+    fs::write(bench.file("gap.toml"), more).unwrap();
+    run(&bench, "multi_sine", "20s", "gap.toml");
+    let mut recording = recording::read(&bench.file("run.mcap")).unwrap();
+    let rate_hz = recording.sample_rate_hz;
+    let signals = &mut recording.joints[0].signals;
+    let link_rad = signals.get_mut(&Signal::LinkPositionRad).unwrap();
+    let shown = link_rad.clone();
+    for k in 1..shown.len() - 1 {
+        let velocity_rad_s = 0.5 * rate_hz * (shown[k + 1] - shown[k - 1]);
+        link_rad[k] = shown[k] - 1e-3 * EARLIER_MS * velocity_rad_s + ZERO_RAD;
+    }
+    recording::write_csv(&recording, &bench.file("apart.csv")).unwrap();
+    flexspline(
+        &bench,
+        "gap diagnose --robot bench.toml --recording apart.csv --out apart",
+    );
+    let report = json(&bench, "apart/report.json");
+    let effects = report["joints"][0]["effects"].as_array().unwrap();
+    let names: Vec<&str> = effects
+        .iter()
+        .filter_map(|found| found["effect"].as_str())
+        .collect();
+    assert_eq!(names, ["coulomb_friction"], "{report}");
+    let notes = report["data"].to_string();
+    let told = |before: &str, after: &str| -> f64 {
+        let rest = notes.split(before).nth(1).expect("it is told");
+        assert!(rest.contains(after), "{after}: {notes}");
+        rest.split(' ').next().unwrap().parse().unwrap()
+    };
+    let earlier_ms = told("encoder is read ", "ms earlier");
+    assert!((earlier_ms - EARLIER_MS).abs() < 0.05, "{notes}");
+    let zero_mrad = told("encoder shows ", "mrad more than the motor's");
+    assert!((1e-3 * zero_mrad - ZERO_RAD).abs() < 1e-4, "{notes}");
 }
 
 #[test]

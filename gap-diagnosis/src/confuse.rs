@@ -14,7 +14,7 @@ pub(crate) const DISTANCE_MIN: f64 = 9.0;
 const ALIKE_PART: f64 = 0.05;
 const ALIKE_TO_KNOWN_PART: f64 = 0.1;
 /// Pairs that are shown.
-const PAIRS_MAX: usize = 12;
+const PAIRS_MAX: usize = 24;
 /// Nats by which an explanation must lead one that is near to it.
 const LEAD_NATS: f64 = 3.0;
 

@@ -34,6 +34,8 @@ const SATURATED: f64 = 0.97;
 pub struct Scale {
     /// Dry friction in slow motion, or a part of the torque where the file knows none.
     pub friction_nm: f64,
+    /// The least that the file's friction comes to at any speed: more cannot be taken off it.
+    pub least_friction_nm: f64,
     /// Fastest speed but for a few samples.
     pub speed_rad_s: f64,
     /// Motor turns per joint turn.
@@ -74,9 +76,14 @@ impl Scale {
         let torque_nm = high(&all(|stretch| &stretch.torque_nm));
         let speed_rad_s = high(&all(|stretch| &stretch.load.velocity_rad_s)).max(1e-3);
         let inertia = all(|stretch| &stretch.load.inertia_kg_m2);
-        let told_nm = model.friction.level_nm(&Sliding::at(0.2 * speed_rad_s));
+        let at_part = |part: f64| model.friction.level_nm(&Sliding::at(part * speed_rad_s));
+        let told_nm = at_part(0.2);
         Self {
             friction_nm: told_nm.max(0.05 * torque_nm).max(1e-6),
+            least_friction_nm: [0.0, 0.05, 0.2, 1.0]
+                .map(at_part)
+                .into_iter()
+                .fold(f64::INFINITY, f64::min),
             speed_rad_s,
             gear_ratio: model.gear_ratio,
             stiffness_nm_rad: model.stiffness_nm_rad,
@@ -314,6 +321,17 @@ impl Hypothesis {
                 | Form::CommandDelay
                 | Form::SensorDelay
         )
+    }
+
+    /// The smallest amplitude that has a meaning.
+    pub fn lowest(&self, scale: &Scale) -> f64 {
+        if self.is_positive() {
+            0.0
+        } else if matches!(self.form, Form::Coulomb | Form::Stribeck) {
+            -scale.least_friction_nm / (FRICTION_STEP * scale.friction_nm)
+        } else {
+            f64::NEG_INFINITY
+        }
     }
 
     /// Whether the effect is there or not, with its shape as its only parameter.
@@ -644,6 +662,7 @@ mod tests {
     fn scale() -> Scale {
         Scale {
             friction_nm: 5.0,
+            least_friction_nm: 1.0,
             speed_rad_s: 1.0,
             gear_ratio: 100.0,
             stiffness_nm_rad: 1e4,
@@ -687,5 +706,17 @@ mod tests {
             let ones = vec![1.0; hypothesis.amplitudes()];
             assert_eq!(hypothesis.effect(&ones, &scale()).name(), hypothesis.effect);
         }
+    }
+
+    #[test]
+    fn no_more_friction_is_taken_off_than_there_is() {
+        let scale = scale();
+        let all = plain(&scale, true, true, true);
+        let mut coulomb = all.iter().filter(|h| h.effect == "coulomb_friction");
+        let coulomb = coulomb.next().expect("it is on the list");
+        let least = coulomb.effect(&[coulomb.lowest(&scale)], &scale);
+        assert!(
+            matches!(least, Effect::CoulombFriction { coulomb_nm } if (coulomb_nm + 1.0).abs() < 1e-12)
+        );
     }
 }

@@ -300,7 +300,7 @@ impl Search<'_> {
             bound.range = bound.range.map(|limit| limit - moved);
         }
         for (hypothesis, columns) in &linear.hypotheses {
-            bounds.extend(columns.iter().map(|_| Self::hypothesis_bound(hypothesis)));
+            bounds.extend(columns.iter().map(|_| self.hypothesis_bound(hypothesis)));
         }
         // the prior is about the file's values, not about the model's
         let mut prior_means: Vec<f64> = model.known.iter().map(|moved| -moved).collect();

@@ -141,13 +141,9 @@ impl Search<'_> {
                 let mut probe = model.clone();
                 probe.terms[t].amplitudes[a] += 1.0;
                 probes.push(probe);
-                let low = if term.hypothesis.is_positive() {
-                    -term.amplitudes[a]
-                } else {
-                    f64::NEG_INFINITY
-                };
+                let low = term.hypothesis.lowest(&self.scale);
                 bounds.push(Bound {
-                    range: [low, f64::INFINITY],
+                    range: [low - term.amplitudes[a], f64::INFINITY],
                     precision: PLAUSIBLE_STEPS.powi(-2),
                 });
                 prior_means.push(-term.amplitudes[a]);

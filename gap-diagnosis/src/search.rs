@@ -232,15 +232,10 @@ impl<'a> Search<'a> {
         known.collect()
     }
 
-    pub(crate) fn hypothesis_bound(hypothesis: &Hypothesis) -> Bound {
-        let bound = if hypothesis.is_positive() {
-            Bound::POSITIVE
-        } else {
-            Bound::FREE
-        };
+    pub(crate) fn hypothesis_bound(&self, hypothesis: &Hypothesis) -> Bound {
         Bound {
+            range: [hypothesis.lowest(&self.scale), f64::INFINITY],
             precision: PLAUSIBLE_STEPS.powi(-2),
-            ..bound
         }
     }
 

@@ -11,8 +11,8 @@ use crate::search::{Search, Term};
 
 /// Effects that joints may share.
 const SHARED: [&str; 4] = ["payload", "base_tilt", "command_delay", "sensor_delay"];
-/// Of what the joints' own best explanations are worth together, a shared one must be worth this part: one cause is
-/// likelier than several.
+/// Of what the own best explanations of the joints that see it are worth together, a shared one must be worth this part:
+/// one cause is likelier than several.
 const PART: f64 = 0.6;
 
 /// Standard errors within which delays of several joints are one.
