@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use gap_diagnosis::hypothesis::Stage;
+use gap_diagnosis::stage::Stage;
 use motion::Trajectory;
 use plant_emulator::PlantParameters;
 use robot::{Effect, Injection, Robot};

@@ -1,10 +1,10 @@
 //! Explanations that the data cannot tell apart, with the reason.
 
 use crate::explain::Step;
-use crate::hypothesis::Stage;
 use crate::known::Known;
 use crate::rank::Scored;
 use crate::report::Confusable;
+use crate::stage::Stage;
 use crate::tell::{Told, names};
 
 /// Two explanations nearer than this cannot be told apart.

@@ -11,7 +11,7 @@ use robot::{Effect, Robot};
 use crate::control;
 use crate::data::{self, Checked};
 use crate::explain::{Explanation, explain};
-use crate::hypothesis::{self, Scale};
+use crate::hypothesis;
 use crate::judge;
 use crate::mend;
 use crate::repeats::floor::Repeated;
@@ -20,6 +20,7 @@ use crate::report::{
     TwinKind, Verdict, Where,
 };
 use crate::samples::{self, Found};
+use crate::scale::Scale;
 use crate::search::{Search, Term};
 use crate::shared::{self, Shared};
 use crate::stretch::{StretchError, stretches};
@@ -146,9 +147,11 @@ pub fn diagnose(
             };
             report.joints.push(told.report()?);
             report.data.extend(repeated.floor(name, search));
-            report
-                .data
-                .extend(data::encoders(name, search, &explanation.refined));
+            if told.poverty.is_none() {
+                // at one speed a delay and a zero are the same, and neither would be known to be off
+                let encoders = data::encoders(name, search, &explanation.refined);
+                report.data.extend(encoders);
+            }
             traces.push(told.traces()?);
         }
         let fitted = shared.iter();

@@ -4,11 +4,10 @@
 //! a zero amplitude is no effect at all.
 
 use arrayvec::ArrayVec;
-use joint_model::friction::Sliding;
 use robot::{Effect, EncoderSide};
 
-use crate::joint::JointModel;
-use crate::stretch::JointStretch;
+use crate::scale::Scale;
+use crate::stage::Stage;
 
 /// Friction steps: a part of the joint's own.
 const FRICTION_STEP: f64 = 0.02;
@@ -24,102 +23,6 @@ const OFFSET_STEP_RAD: f64 = 0.002;
 const LAG_STEP_S: f64 = 5e-4;
 /// Friction that falls at lower speeds than this is part of how a joint begins to slip.
 const CREEPING_RAD_S: f64 = 0.0225;
-/// Quantile at which largest torques are compared: a few samples may be anything.
-const NEARLY_ALL: f64 = 0.999;
-/// A drive whose torque reaches this part of the largest command does not saturate.
-const SATURATED: f64 = 0.97;
-
-/// Sizes of a joint, by which steps are chosen.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scale {
-    /// Dry friction in slow motion, or a part of the torque where the file knows none.
-    pub friction_nm: f64,
-    /// The least that the file's friction comes to at any speed: more cannot be taken off it.
-    pub least_friction_nm: f64,
-    /// Fastest speed but for a few samples.
-    pub speed_rad_s: f64,
-    /// Motor turns per joint turn.
-    pub gear_ratio: f64,
-    /// Of the gear.
-    pub stiffness_nm_rad: f64,
-    /// Whether the robot file tells it.
-    pub stiffness_is_known: bool,
-    /// Largest torque but for a few samples, motor side.
-    pub motor_torque_nm: f64,
-    /// Whether the drive may have given less than it was commanded: its reported torque stays below the command's
-    /// peaks, or it reports none.
-    pub may_saturate: bool,
-    /// Rotor and link, joint side.
-    pub inertia_kg_m2: f64,
-    /// Between two samples.
-    pub period_s: f64,
-    /// Range of the motor's angle.
-    pub motor_turns: f64,
-}
-
-impl Scale {
-    /// Of a joint along its recordings.
-    pub fn of(model: &JointModel, stretches: &[&JointStretch]) -> Self {
-        let all = |column: fn(&JointStretch) -> &[f64]| {
-            let mut values: Vec<f64> = stretches
-                .iter()
-                .flat_map(|stretch| column(stretch).iter().map(|x| x.abs()))
-                .collect();
-            values.sort_by(f64::total_cmp);
-            values
-        };
-        let largest = |column: fn(&JointStretch) -> &[f64]| {
-            let values = all(column);
-            values[(NEARLY_ALL * (values.len() - 1) as f64) as usize]
-        };
-        let high = |values: &[f64]| values[(0.99 * (values.len() - 1) as f64) as usize];
-        let torque_nm = high(&all(|stretch| &stretch.torque_nm));
-        let speed_rad_s = high(&all(|stretch| &stretch.load.velocity_rad_s)).max(1e-3);
-        let inertia = all(|stretch| &stretch.load.inertia_kg_m2);
-        let at_part = |part: f64| model.friction.level_nm(&Sliding::at(part * speed_rad_s));
-        let told_nm = at_part(0.2);
-        Self {
-            friction_nm: told_nm.max(0.05 * torque_nm).max(1e-6),
-            least_friction_nm: [0.0, 0.05, 0.2, 1.0]
-                .map(at_part)
-                .into_iter()
-                .fold(f64::INFINITY, f64::min),
-            speed_rad_s,
-            gear_ratio: model.gear_ratio,
-            stiffness_nm_rad: model.stiffness_nm_rad,
-            stiffness_is_known: model.stiffness_is_known,
-            motor_torque_nm: torque_nm / model.gear_ratio,
-            may_saturate: stretches
-                .iter()
-                .all(|stretch| !stretch.has_torque_beside_command)
-                || largest(|stretch| &stretch.torque_nm)
-                    < SATURATED * largest(|stretch| &stretch.drive.command_nm),
-            inertia_kg_m2: model.rotor_inertia_kg_m2 + inertia[inertia.len() / 2],
-            period_s: stretches[0].drive.period_s,
-            motor_turns: motor_turns(model.gear_ratio, stretches),
-        }
-    }
-
-    /// Twist of the gear under the joint's friction.
-    fn twist_rad(&self) -> f64 {
-        if self.stiffness_is_known {
-            self.friction_nm / self.stiffness_nm_rad
-        } else {
-            5e-4
-        }
-    }
-}
-
-fn motor_turns(gear_ratio: f64, stretches: &[&JointStretch]) -> f64 {
-    let positions = || {
-        stretches
-            .iter()
-            .flat_map(|stretch| &stretch.load.position_rad)
-    };
-    let high = positions().copied().fold(f64::NEG_INFINITY, f64::max);
-    let low = positions().copied().fold(f64::INFINITY, f64::min);
-    (gear_ratio * (high - low) / std::f64::consts::TAU).max(1e-3)
-}
 
 /// An effect to be fitted, at one shape.
 #[derive(Clone, Debug, PartialEq)]
@@ -439,7 +342,7 @@ impl Hypothesis {
                 change_nm: Some(a * step_nm),
             },
             Form::Compliance => Effect::TorsionalCompliance {
-                stiffness_nm_rad: scale.softened(a),
+                stiffness_nm_rad: softened_nm_rad(a, scale),
             },
             Form::Windup => Effect::SoftWindup {
                 low_stiffness_nm_rad: scale.stiffness_nm_rad / (1.0 + 4.0 * COMPLIANCE_STEP * a),
@@ -580,17 +483,15 @@ impl Hypothesis {
     }
 }
 
-impl Scale {
-    /// Change of stiffness by so many steps of compliance; the stiffness itself where the file tells none.
-    fn softened(&self, steps: f64) -> f64 {
-        if self.stiffness_is_known {
-            let compliance = (1.0 + COMPLIANCE_STEP * steps).max(0.05);
-            self.stiffness_nm_rad * (1.0 / compliance - 1.0)
-        } else {
-            let compliance_rad_nm = 1.0 / self.stiffness_nm_rad
-                + steps.max(0.0) * 0.1 * self.twist_rad() / self.friction_nm;
-            1.0 / compliance_rad_nm
-        }
+/// Change of stiffness by so many steps of compliance; the stiffness itself where the file tells none.
+fn softened_nm_rad(steps: f64, scale: &Scale) -> f64 {
+    if scale.stiffness_is_known {
+        let compliance = (1.0 + COMPLIANCE_STEP * steps).max(0.05);
+        scale.stiffness_nm_rad * (1.0 / compliance - 1.0)
+    } else {
+        let compliance_rad_nm = 1.0 / scale.stiffness_nm_rad
+            + steps.max(0.0) * 0.1 * scale.twist_rad() / scale.friction_nm;
+        1.0 / compliance_rad_nm
     }
 }
 
@@ -611,47 +512,6 @@ fn payload(amplitude: &[f64]) -> Effect {
             along(amplitude[2]),
             along(amplitude[3]),
         ],
-    }
-}
-
-/// Where in a joint an effect acts.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
-)]
-#[serde(rename_all = "snake_case")]
-pub enum Stage {
-    /// Drive and motor.
-    Actuator,
-    /// Gear and bearings.
-    Transmission,
-    /// Links.
-    RigidBody,
-    /// Encoders and sensors.
-    Sensing,
-    /// Bus and clock.
-    Timing,
-}
-
-impl Stage {
-    /// By the effect's identifier.
-    pub fn of(effect: &str) -> Self {
-        match effect {
-            "torque_constant_error"
-            | "torque_offset"
-            | "torque_ripple"
-            | "torque_saturation"
-            | "current_loop_lag" => Self::Actuator,
-            "payload" | "link_inertia" | "rotor_inertia" | "gravity_torque" | "joint_spring"
-            | "base_tilt" => Self::RigidBody,
-            "encoder_offset"
-            | "encoder_eccentricity"
-            | "encoder_quantisation"
-            | "velocity_filter_lag" => Self::Sensing,
-            "command_delay" | "sensor_delay" | "dropped_commands" | "dropped_samples" => {
-                Self::Timing
-            }
-            _ => Self::Transmission,
-        }
     }
 }
 

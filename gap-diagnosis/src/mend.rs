@@ -5,7 +5,8 @@
 use recording::{JointColumns, Recording, Signal};
 use robot::{Effect, EncoderSide, Robot};
 
-use crate::samples::{Found, weights_of_commands};
+use crate::follow::weights_of_commands;
+use crate::samples::Found;
 
 /// Signals that a lost sample repeats.
 const MEASURED: [Signal; 4] = [

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::hypothesis::Stage;
+use crate::stage::Stage;
 
 /// The only version there is.
 pub const SCHEMA: u32 = 1;

@@ -8,8 +8,9 @@ use robot::Effect;
 
 use crate::evidence::Left;
 use crate::fit::Bound;
-use crate::hypothesis::{Hypothesis, Scale, plain};
+use crate::hypothesis::{Hypothesis, plain};
 use crate::observe::Channel;
+use crate::scale::Scale;
 use crate::twin::{Changes, JointTwin};
 use crate::whiten::{Floor, Whitener};
 

@@ -9,7 +9,6 @@ use crate::confuse;
 use crate::diagnose::JointTraces;
 use crate::evidence::{Remains, most_left};
 use crate::explain::{Explanation, Step};
-use crate::hypothesis::Stage;
 use crate::judge;
 use crate::observe::Channel;
 use crate::place;
@@ -19,6 +18,7 @@ use crate::report::{
 use crate::samples::Found;
 use crate::search::{Model, Search};
 use crate::shared::{CommonDelay, Shared};
+use crate::stage::Stage;
 
 /// Probability of what was counted in the samples.
 const COUNTED: f64 = 0.97;

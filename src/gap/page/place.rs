@@ -1,7 +1,7 @@
 //! Where simulation and robot part: by stage, signal, regime and frequency.
 
-use gap_diagnosis::hypothesis::Stage;
 use gap_diagnosis::report::{JointReport, Report};
+use gap_diagnosis::stage::Stage;
 use report::{Axis, Column, Figure, HeatMap, Panel, Section, Table, number};
 
 use super::with_gap;

@@ -1,0 +1,380 @@
+//! How a drive's torque follows its command, read off the samples: a delay and a lag of the current loop.
+
+use nalgebra::{DMatrix, DVector};
+use recording::{JointColumns, Signal};
+use robot::Effect;
+
+use crate::samples::{Found, ROWS_MIN};
+
+/// Samples over which the drive's response is sought.
+const TAPS: usize = 64;
+/// Time constant of a current loop as it should be.
+const FAST_LAG_S: f64 = 3e-4;
+/// Those of current loops that nobody would call slow.
+const FAST_LAGS_S: [f64; 3] = [0.0, 0.5 * FAST_LAG_S, FAST_LAG_S];
+/// Tenths of a sample by which the torque may be later than the controller's delay.
+const LATE_STEPS: i32 = 4;
+/// What a slower response must be worth, in squared standard deviations.
+const WORTH: f64 = 50.0;
+/// Samples over which the torque's change is compared with the commands': over one sample a step tells best what came when, over
+/// more a smooth command stands out of the torque's noise.
+const SPANS: [usize; 2] = [1, 16];
+/// Of these, how many differences are taken.
+const PER_SPAN: usize = 4;
+/// Quantile of torques that were reached: a few samples may be anything; and the part of it up to which a drive is taken to
+/// follow its command.
+const NEARLY_ALL: f64 = 0.999;
+const REACHED: f64 = 0.97;
+
+/// How the drive's torque follows its command: a delay and a first-order lag.
+pub(crate) struct Response {
+    /// Sums of products of the command's changes, and of those with the torque's.
+    matrix: DMatrix<f64>,
+    vector: DVector<f64>,
+    square: f64,
+    /// Independent differences.
+    rows: f64,
+    period_s: f64,
+}
+
+/// A delay in samples and a time constant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Follow {
+    delay: f64,
+    lag_s: f64,
+}
+
+impl Response {
+    /// From the changes over so many samples, wherever command and torque are there.
+    fn over(span: usize, columns: &[&JointColumns], period_s: f64) -> Option<Self> {
+        let mut response = Self {
+            matrix: DMatrix::zeros(TAPS, TAPS),
+            vector: DVector::zeros(TAPS),
+            square: 0.0,
+            rows: 0.0,
+            period_s,
+        };
+        let stride = span.div_ceil(PER_SPAN);
+        for (torque_nm, command_nm) in pairs(columns) {
+            let reached_nm = reached_nm(torque_nm);
+            for k in (TAPS + span..torque_nm.len()).step_by(stride) {
+                // a drive at its limit does not follow, and a lag is not to be made of that
+                if command_nm[k + 1 - TAPS - span..=k]
+                    .iter()
+                    .any(|u| u.abs() > reached_nm)
+                {
+                    continue;
+                }
+                // changes tell when a command came; the values themselves are all alike
+                let past: [f64; TAPS] =
+                    std::array::from_fn(|i| command_nm[k - i] - command_nm[k - i - span]);
+                let change_nm = torque_nm[k] - torque_nm[k - span];
+                if !change_nm.is_finite() || past.iter().any(|u| !u.is_finite()) {
+                    continue;
+                }
+                response.add(&past, change_nm);
+            }
+        }
+        for i in 0..TAPS {
+            for j in 0..i {
+                response.matrix[(j, i)] = response.matrix[(i, j)];
+            }
+        }
+        if response.rows < ROWS_MIN as f64 {
+            return None;
+        }
+        // differences that overlap are not independent
+        let independent = stride as f64 / span as f64;
+        response.matrix *= independent;
+        response.vector *= independent;
+        response.square *= independent;
+        response.rows *= independent;
+        Some(response)
+    }
+
+    /// From one sample to the next.
+    pub(crate) fn of_steps(columns: &[&JointColumns], period_s: f64) -> Option<Self> {
+        Self::over(1, columns, period_s)
+    }
+
+    fn add(&mut self, past: &[f64; TAPS], change_nm: f64) {
+        self.rows += 1.0;
+        self.square += change_nm * change_nm;
+        for i in 0..TAPS {
+            self.vector[i] += past[i] * change_nm;
+            for j in 0..=i {
+                self.matrix[(i, j)] += past[i] * past[j];
+            }
+        }
+    }
+
+    fn taps(&self, follow: Follow) -> DVector<f64> {
+        let keep = if follow.lag_s > 0.0 {
+            (-self.period_s / follow.lag_s).exp()
+        } else {
+            0.0
+        };
+        let whole = follow.delay.floor();
+        let share = follow.delay - whole;
+        let at = |i: f64| {
+            if i < 0.0 {
+                0.0
+            } else {
+                (1.0 - keep) * keep.powf(i)
+            }
+        };
+        DVector::from_fn(TAPS, |i, _| {
+            let since = i as f64 - whole;
+            (1.0 - share) * at(since) + share * at(since - 1.0)
+        })
+    }
+
+    /// Sum of squares that a response leaves, whatever the torque's scale: a wrong one is no lag.
+    fn left(&self, follow: Follow) -> f64 {
+        let taps = self.taps(follow);
+        let like = taps.dot(&self.vector).max(0.0);
+        let own = taps.dot(&(&self.matrix * &taps)).max(1e-300);
+        (self.square - like * like / own).max(0.0)
+    }
+
+    /// The best response with these delays and lags.
+    fn best(&self, delays: &[f64], lags_s: &[f64]) -> (Follow, f64) {
+        let mut best = (
+            Follow {
+                delay: delays[0],
+                lag_s: lags_s[0],
+            },
+            f64::INFINITY,
+        );
+        for &delay in delays {
+            for &lag_s in lags_s {
+                let follow = Follow { delay, lag_s };
+                let left = self.left(follow);
+                if left < best.1 {
+                    best = (follow, left);
+                }
+            }
+        }
+        best
+    }
+
+    /// By how much each of the last commands counts in the torque, newest first, if the current loop is not slow; and the
+    /// noise of one reading.
+    pub(crate) fn of_fast_loop(&self) -> (Vec<f64>, f64) {
+        let (follow, left) = self.best(&delays(0.0), &FAST_LAGS_S);
+        // of steps, so of two readings' noise
+        let noise_nm = (left / self.rows / 2.0).sqrt();
+        (self.taps(follow).iter().copied().collect(), noise_nm)
+    }
+}
+
+/// The largest torque but for a few samples and a margin: commands up to it were not cut off.
+fn reached_nm(torque_nm: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> = torque_nm.iter().map(|torque_nm| torque_nm.abs()).collect();
+    sizes.retain(|size| size.is_finite());
+    sizes.sort_by(f64::total_cmp);
+    let nearly_all = (NEARLY_ALL * sizes.len().saturating_sub(1) as f64) as usize;
+    REACHED * sizes.get(nearly_all).copied().unwrap_or(0.0)
+}
+
+/// Torque and command of every recording that has both.
+pub(crate) fn pairs<'a>(
+    columns: &'a [&JointColumns],
+) -> impl Iterator<Item = (&'a Vec<f64>, &'a Vec<f64>)> {
+    columns.iter().filter_map(|columns| {
+        let torque_nm = columns.signals.get(&Signal::MotorTorqueNm)?;
+        let command_nm = columns.signals.get(&Signal::CommandTorqueNm)?;
+        Some((torque_nm, command_nm))
+    })
+}
+
+/// By how much each of the last commands counts in the drive's torque, newest first; none where too few rows tell.
+pub(crate) fn weights_of_commands(columns: &[&JointColumns], period_s: f64) -> Option<Vec<f64>> {
+    let response = Response::of_steps(columns, period_s)?;
+    let (follow, _) = response.best(&delays(0.0), &[&FAST_LAGS_S[..], &slow_lags_s()].concat());
+    Some(response.taps(follow).iter().copied().collect())
+}
+
+/// Delays from a smallest one on.
+fn delays(from: f64) -> Vec<f64> {
+    (0..)
+        .map(|k| from + 0.1 * f64::from(k))
+        .take_while(|delay| *delay < TAPS as f64 - 4.0)
+        .collect()
+}
+
+/// Time constants of slower and slower current loops.
+fn slow_lags_s() -> Vec<f64> {
+    (0..40).map(|k| FAST_LAG_S * 1.12_f64.powi(k)).collect()
+}
+
+/// Lag of the current loop and delay of the command, beyond what the robot file's controller has.
+pub(crate) fn slow_drive(
+    columns: &[&JointColumns],
+    period_s: f64,
+    delay_cycles: usize,
+) -> Vec<Found> {
+    let mut responses = SPANS
+        .iter()
+        .filter_map(|span| Response::over(*span, columns, period_s));
+    let found = responses.find_map(|response| {
+        let found = response.slow(delay_cycles);
+        (!found.is_empty()).then_some(found)
+    });
+    found.unwrap_or_default()
+}
+
+impl Response {
+    fn slow(&self, delay_cycles: usize) -> Vec<Found> {
+        let response = self;
+        // what acts from a sample on is measured at the next
+        let told = delay_cycles as f64 + 1.0;
+        let usual: Vec<f64> = (0..=LATE_STEPS)
+            .map(|k| told + 0.1 * f64::from(k))
+            .collect();
+        let lags = slow_lags_s();
+        let (_, as_told) = response.best(&usual, &FAST_LAGS_S);
+        let (late, with_delay) = response.best(&delays(told), &FAST_LAGS_S);
+        let (slow, with_lag) = response.best(&usual, &lags);
+        let (both, least) = response.best(&delays(told), &lags);
+        let variance = (least / response.rows).max(1e-300);
+        let worth = |before: f64, after: f64| (before - after) / variance > WORTH;
+        if !worth(as_told, least) {
+            return Vec::new();
+        }
+        let chosen = if with_delay <= with_lag && !worth(with_delay, least) {
+            late
+        } else if !worth(with_lag, least) {
+            slow
+        } else {
+            both
+        };
+        let mut found = Vec::new();
+        if chosen.lag_s > 2.0 * FAST_LAG_S {
+            found.push(Found {
+                effect: Effect::CurrentLoopLag {
+                    time_constant_s: chosen.lag_s,
+                },
+                std: 0.06 * chosen.lag_s,
+                because: format!(
+                    "the drive's torque follows its command with {:.2} ms",
+                    1e3 * chosen.lag_s
+                ),
+            });
+        }
+        let late = chosen.delay - told;
+        if late > 0.1 * f64::from(LATE_STEPS) {
+            let delay_s = late * response.period_s;
+            found.push(Found {
+                effect: Effect::CommandDelay { delay_s },
+                std: (0.03 * delay_s).max(0.1 * response.period_s),
+                because: format!(
+                    "the drive's torque comes {:.2} ms later than the controller's delay",
+                    1e3 * delay_s
+                ),
+            });
+        }
+        found
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+pub(crate) mod tests {
+    use super::*;
+
+    /// As a controller's command is: a wave, and the encoder's steps in it.
+    pub(crate) fn command() -> Vec<f64> {
+        let mut state = 1_u64;
+        (0..20_000)
+            .map(|k| {
+                state = state
+                    .wrapping_mul(6364136223846793005)
+                    .wrapping_add(1442695040888963407);
+                let noise = (state >> 33) as f64 / (1_u64 << 31) as f64 - 0.5;
+                (0.02 * f64::from(k)).sin() + 0.2 * noise
+            })
+            .collect()
+    }
+
+    pub(crate) fn columns(signals: Vec<(Signal, Vec<f64>)>) -> JointColumns {
+        JointColumns {
+            name: "j".to_owned(),
+            signals: signals.into_iter().collect(),
+        }
+    }
+
+    fn driven(lag_s: f64, delay: usize) -> Vec<Found> {
+        let command = command();
+        let share = 1.0 - (-1e-3 / lag_s).exp();
+        let mut torque = vec![0.0; 20_000];
+        for k in delay..20_000 {
+            torque[k] = torque[k - 1] + share * (command[k - delay] - torque[k - 1]);
+        }
+        let joint = columns(vec![
+            (Signal::CommandTorqueNm, command),
+            (Signal::MotorTorqueNm, torque),
+        ]);
+        slow_drive(&[&joint], 1e-3, 0)
+    }
+
+    #[test]
+    fn a_lag_is_told_from_a_delay() {
+        assert_eq!(driven(1e-4, 1), []);
+        let lag = driven(3e-3, 1);
+        let Effect::CurrentLoopLag { time_constant_s } = lag[0].effect else {
+            panic!("{lag:?}");
+        };
+        assert!((time_constant_s - 3e-3).abs() < 3e-4, "{time_constant_s}");
+        assert_eq!(lag.len(), 1, "{lag:?}");
+        let delay = driven(1e-4, 4);
+        let Effect::CommandDelay { delay_s } = delay[0].effect else {
+            panic!("{delay:?}");
+        };
+        assert!((delay_s - 3e-3).abs() < 2e-4, "{delay_s}");
+    }
+
+    #[test]
+    fn a_drive_at_its_limit_is_not_slow() {
+        let command = command();
+        let most_nm = command.iter().fold(0.0_f64, |most, u| most.max(u.abs()));
+        let limit_nm = 0.6 * most_nm;
+        let mut torque = vec![0.0; 20_000];
+        for k in 1..20_000 {
+            torque[k] = command[k - 1].clamp(-limit_nm, limit_nm);
+        }
+        let joint = columns(vec![
+            (Signal::CommandTorqueNm, command),
+            (Signal::MotorTorqueNm, torque),
+        ]);
+        let found = slow_drive(&[&joint], 1e-3, 0);
+        assert_eq!(found, []);
+    }
+
+    #[test]
+    fn a_smooth_command_is_told_from_a_noisy_torque() {
+        let late = |delay: usize, gain: f64| {
+            let noise = command();
+            let smooth = |k: usize| (0.004 * k as f64).sin() + 0.4 * (0.023 * k as f64).sin();
+            let torque = (0..20_000_usize).map(|k| {
+                let whole = (0.02 * k as f64).sin();
+                gain * smooth(k.saturating_sub(delay)) + noise[k] - whole
+            });
+            let joint = columns(vec![
+                (Signal::CommandTorqueNm, (0..20_000).map(smooth).collect()),
+                (Signal::MotorTorqueNm, torque.collect()),
+            ]);
+            let steps = Response::of_steps(&[&joint], 1e-3).unwrap();
+            assert_eq!(steps.slow(0), [], "steps drown in the noise");
+            slow_drive(&[&joint], 1e-3, 0)
+        };
+        assert_eq!(late(1, 1.0), []);
+        assert_eq!(late(1, 0.9), [], "a wrong scale is no lag");
+        let found = late(17, 1.0);
+        let Effect::CommandDelay { delay_s } = found[0].effect else {
+            panic!("{found:?}");
+        };
+        assert!((delay_s - 16e-3).abs() < 1e-3, "{delay_s}");
+        assert_eq!(found.len(), 1, "{found:?}");
+    }
+}

@@ -1,0 +1,103 @@
+//! Sizes of a joint along its recordings, by which fitting steps are chosen.
+
+use joint_model::friction::Sliding;
+
+use crate::joint::JointModel;
+use crate::stretch::JointStretch;
+
+/// Quantile at which largest torques are compared: a few samples may be anything.
+const NEARLY_ALL: f64 = 0.999;
+/// A drive whose torque reaches this part of the largest command does not saturate.
+const SATURATED: f64 = 0.97;
+
+/// Sizes of a joint, by which steps are chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    /// Dry friction in slow motion, or a part of the torque where the file knows none.
+    pub friction_nm: f64,
+    /// The least that the file's friction comes to at any speed: more cannot be taken off it.
+    pub least_friction_nm: f64,
+    /// Fastest speed but for a few samples.
+    pub speed_rad_s: f64,
+    /// Motor turns per joint turn.
+    pub gear_ratio: f64,
+    /// Of the gear.
+    pub stiffness_nm_rad: f64,
+    /// Whether the robot file tells it.
+    pub stiffness_is_known: bool,
+    /// Largest torque but for a few samples, motor side.
+    pub motor_torque_nm: f64,
+    /// Whether the drive may have given less than it was commanded: its reported torque stays below the command's
+    /// peaks, or it reports none.
+    pub may_saturate: bool,
+    /// Rotor and link, joint side.
+    pub inertia_kg_m2: f64,
+    /// Between two samples.
+    pub period_s: f64,
+    /// Range of the motor's angle.
+    pub motor_turns: f64,
+}
+
+impl Scale {
+    /// Of a joint along its recordings.
+    pub fn of(model: &JointModel, stretches: &[&JointStretch]) -> Self {
+        let all = |column: fn(&JointStretch) -> &[f64]| {
+            let mut values: Vec<f64> = stretches
+                .iter()
+                .flat_map(|stretch| column(stretch).iter().map(|x| x.abs()))
+                .collect();
+            values.sort_by(f64::total_cmp);
+            values
+        };
+        let largest = |column: fn(&JointStretch) -> &[f64]| {
+            let values = all(column);
+            values[(NEARLY_ALL * (values.len() - 1) as f64) as usize]
+        };
+        let high = |values: &[f64]| values[(0.99 * (values.len() - 1) as f64) as usize];
+        let torque_nm = high(&all(|stretch| &stretch.torque_nm));
+        let speed_rad_s = high(&all(|stretch| &stretch.load.velocity_rad_s)).max(1e-3);
+        let inertia = all(|stretch| &stretch.load.inertia_kg_m2);
+        let at_part = |part: f64| model.friction.level_nm(&Sliding::at(part * speed_rad_s));
+        let told_nm = at_part(0.2);
+        Self {
+            friction_nm: told_nm.max(0.05 * torque_nm).max(1e-6),
+            least_friction_nm: [0.0, 0.05, 0.2, 1.0]
+                .map(at_part)
+                .into_iter()
+                .fold(f64::INFINITY, f64::min),
+            speed_rad_s,
+            gear_ratio: model.gear_ratio,
+            stiffness_nm_rad: model.stiffness_nm_rad,
+            stiffness_is_known: model.stiffness_is_known,
+            motor_torque_nm: torque_nm / model.gear_ratio,
+            may_saturate: stretches
+                .iter()
+                .all(|stretch| !stretch.has_torque_beside_command)
+                || largest(|stretch| &stretch.torque_nm)
+                    < SATURATED * largest(|stretch| &stretch.drive.command_nm),
+            inertia_kg_m2: model.rotor_inertia_kg_m2 + inertia[inertia.len() / 2],
+            period_s: stretches[0].drive.period_s,
+            motor_turns: motor_turns(model.gear_ratio, stretches),
+        }
+    }
+
+    /// Twist of the gear under the joint's friction.
+    pub(crate) fn twist_rad(&self) -> f64 {
+        if self.stiffness_is_known {
+            self.friction_nm / self.stiffness_nm_rad
+        } else {
+            5e-4
+        }
+    }
+}
+
+fn motor_turns(gear_ratio: f64, stretches: &[&JointStretch]) -> f64 {
+    let positions = || {
+        stretches
+            .iter()
+            .flat_map(|stretch| &stretch.load.position_rad)
+    };
+    let high = positions().copied().fold(f64::NEG_INFINITY, f64::max);
+    let low = positions().copied().fold(f64::INFINITY, f64::min);
+    (gear_ratio * (high - low) / std::f64::consts::TAU).max(1e-3)
+}
