@@ -1,5 +1,6 @@
 //! Explanations that the data cannot tell apart, with the reason.
 
+use crate::evidence::SAME_TORQUE;
 use crate::explain::Step;
 use crate::known::Known;
 use crate::rank::Scored;
@@ -48,6 +49,10 @@ pub(crate) fn pairs(told: &Told<'_>) -> Vec<Confusable> {
     });
     if told.poverty.is_some() && told.added().next().is_none() {
         all.extend(hidden_by_known(told, told.last()));
+    }
+    let names_one = |pair: &Confusable| pair.effects.iter().any(|e| SAME_TORQUE.contains(&&**e));
+    if let Some(place) = all.iter().position(names_one) {
+        all.insert(place + 1, pair(told, SAME_TORQUE, 0.0));
     }
     let mut seen: Vec<[String; 2]> = Vec::new();
     all.retain(|pair| {

@@ -27,7 +27,7 @@ const AT_REVERSALS_ALWAYS: [&str; 3] = [
 /// What damping of the gear costs beside: below the band's limit it makes next to no torque.
 const DAMPING: f64 = 6.0;
 /// What an effect costs beside whose law the robot file has already, refitted: the twin's version of it is not the robot's.
-const IN_FILE: f64 = 40.0;
+const IN_FILE: f64 = 35.0;
 /// What twist of the gear costs beside in an arm: the other links' torque swings with the twist of their gears.
 const OTHERS_TWIST: f64 = 12.0;
 /// Those that show elsewhere only to a second encoder or a torque sensor.
@@ -44,7 +44,7 @@ const SURE_ERRORS: f64 = 5.0;
 
 /// Both add the same torque whichever way a joint turns. They part only where it sticks, where a twin's friction is no better
 /// than another's.
-const SAME_TORQUE: [&str; 2] = ["torque_offset", "asymmetric_friction"];
+pub(crate) const SAME_TORQUE: [&str; 2] = ["torque_offset", "asymmetric_friction"];
 
 /// What an explanation is worth that explains nothing.
 const NOTHING: f64 = -1e9;

@@ -458,6 +458,7 @@ mod tests {
                 load_nm: 0.0,
                 motor_angle_rad: 0.0,
                 inertial_nm: 0.0,
+                vibrating_nm: 0.0,
                 beating_nm: 0.0,
             })
             .collect()

@@ -4,7 +4,9 @@
 use joint_model::filter::FilterError;
 use joint_model::rigid_body::Chain;
 
+use crate::elastic::links_rad;
 use crate::joint::JointModel;
+use crate::rounding::Rounding;
 use crate::smooth::{derivative, low_pass, second_derivative};
 
 /// Motion above this is noise: no joint of an arm is moved faster on purpose.
@@ -124,8 +126,8 @@ impl Motion {
         })
     }
 
-    /// The links' motion, where this is the motors': gears are wound up by what rigid bodies ask for, and their
-    /// kinematic error turns with the motor. A joint without a gear here was measured behind it.
+    /// The links' motion, where this is the motors': they swing behind their gears, whose kinematic error turns with the
+    /// motor. A joint without a gear here was measured behind it.
     ///
     /// # Errors
     /// [`FilterError`] if the rate is no rate.
@@ -134,49 +136,7 @@ impl Motion {
         chain: &Chain,
         gears: &[Option<JointModel>],
     ) -> Result<Self, FilterError> {
-        let count = self.position_rad.len();
-        let samples = self.position_rad.first().map_or(0, Vec::len);
-        let knots = self.knots(samples);
-        let mut torque_nm = vec![0.0; count];
-        let wound: Vec<Vec<f64>> = knots
-            .iter()
-            .map(|&k| {
-                let [position_rad, velocity_rad_s, acceleration_rad_s2] = self.at(k);
-                chain.inverse_dynamics(
-                    &position_rad,
-                    &velocity_rad_s,
-                    &acceleration_rad_s2,
-                    &mut torque_nm,
-                );
-                gears
-                    .iter()
-                    .zip(&torque_nm)
-                    .map(|(gear, &torque_nm)| {
-                        gear.as_ref()
-                            .map_or(0.0, |gear| gear.torsion_rad(torque_nm))
-                    })
-                    .collect()
-            })
-            .collect();
-        let link_rad: Vec<Vec<f64>> = gears
-            .iter()
-            .enumerate()
-            .map(|(joint, gear)| {
-                let torsion_rad = interpolate(&knots, samples, |knot| wound[knot][joint]);
-                let Some(gear) = gear else {
-                    return self.position_rad[joint].clone();
-                };
-                let motor_rad = self.position_rad[joint].iter();
-                motor_rad
-                    .zip(torsion_rad)
-                    .map(|(motor_rad, torsion_rad)| {
-                        let angle_rad = motor_rad * gear.gear_ratio;
-                        let (error_rad, _) = gear.kinematic_error.error_and_slope(angle_rad);
-                        motor_rad + error_rad - torsion_rad
-                    })
-                    .collect()
-            })
-            .collect();
+        let link_rad = links_rad(chain, gears, &self.position_rad, self.rate_hz);
         Self::of(&link_rad, self.rate_hz)
     }
 
@@ -206,6 +166,49 @@ impl Motion {
     /// A joint's acceleration.
     pub fn acceleration_rad_s2(&self, joint: usize) -> &[f64] {
         &self.acceleration_rad_s2[joint]
+    }
+
+    /// Torque on one joint that rounding of the other joints' encoders pretends within a band, root mean square, sample by
+    /// sample. `encoders`: each joint's step and noise, joint side.
+    pub fn rounding_nm(
+        &self,
+        chain: &Chain,
+        joint: usize,
+        encoders: &[[f64; 2]],
+        cutoff_hz: f64,
+    ) -> Vec<f64> {
+        let samples = self.position_rad[joint].len();
+        let count = self.position_rad.len();
+        let knots = self.knots(samples);
+        let rest = vec![0.0; count];
+        let mut unit = vec![0.0; count];
+        unit[joint] = 1.0;
+        let (mut gravity_nm, mut moving_nm) = (vec![0.0; count], vec![0.0; count]);
+        let bandwidth_rad_s = std::f64::consts::TAU * cutoff_hz;
+        let at_knots: Vec<f64> = knots
+            .iter()
+            .map(|&k| {
+                let [position_rad, velocity_rad_s, _] = self.at(k);
+                chain.gravity_torque(&position_rad, &mut gravity_nm);
+                chain.inverse_dynamics(&position_rad, &rest, &unit, &mut moving_nm);
+                let others = (0..count).filter(|other| *other != joint);
+                let square: f64 = others
+                    .map(|other| {
+                        let [step_rad, noise_rad] = encoders[other];
+                        let rounding = Rounding {
+                            step_rad,
+                            noise_rad,
+                            steps_hz: velocity_rad_s[other].abs() / step_rad,
+                        };
+                        let inertia_kg_m2 = moving_nm[other] - gravity_nm[other];
+                        let rounded_rad = rounding.beating_rad(self.rate_hz, cutoff_hz);
+                        (inertia_kg_m2 * bandwidth_rad_s.powi(2) * rounded_rad).powi(2)
+                    })
+                    .sum();
+                square.sqrt()
+            })
+            .collect();
+        interpolate(&knots, samples, |knot| at_knots[knot])
     }
 
     /// What one joint of a chain carries along this motion.

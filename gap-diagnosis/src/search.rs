@@ -9,16 +9,19 @@ use robot::Effect;
 use crate::evidence::Left;
 use crate::fit::Bound;
 use crate::hypothesis::{Hypothesis, plain};
+use crate::known::Known;
 use crate::observe::Channel;
 use crate::scale::Scale;
 use crate::twin::{Changes, JointTwin};
-use crate::whiten::{Floor, Whitener};
+use crate::whiten::{Floor, Whitener, series};
 
 /// Runs of the twin with noise, of which the mean is taken.
 const NOISY_RUNS: u64 = 6;
 /// Runs of the twin that differ by next to nothing, and by how much, in standard deviations of the known values.
 const ROUGH_RUNS: u64 = 6;
 const NEXT_TO_NOTHING: f64 = 0.02;
+/// Around a row, what nobody can tell of its neighbours counts for it too.
+const DOUBT_S: f64 = 0.06;
 /// What the twin itself is off, as parts of the friction: from sample to sample, and slowly.
 const TWIN_QUICK: f64 = 0.002;
 const TWIN_SLOW: f64 = 0.006;
@@ -128,6 +131,7 @@ impl<'a> Search<'a> {
         let whitener = Whitener::new(&twin.rows, |row| {
             floor(row.channel, &noise_nm, &scale, twin)
         });
+        let whitener = whitener.doubting(&doubts_nm(twin, &clean)?);
         let has_link_encoder = stretches.iter().any(|stretch| stretch.link_rad.is_some());
         let has_command = stretches.iter().all(|stretch| stretch.has_command);
         // where the drive reports its torque beside the command, its delay and lag are read off the samples
@@ -298,6 +302,50 @@ fn floor(
         },
         slow_samples: TWIN_SLOW_S * twin.rows_hz(),
     }
+}
+
+/// What nobody can tell of a row: the part of what friction before it slips does that is not in proportion to it, and where
+/// friction is a table over the load, of what the corners of the table and the links' masses do. When a joint breaks away from
+/// rest, and on which side of a corner it moves, is such a thing.
+fn doubts_nm(twin: &JointTwin<'_>, clean: &[f64]) -> Result<Vec<f64>, FilterError> {
+    let has_table = twin.nominal.friction.load_torque.is_some();
+    let mut squares = vec![0.0; clean.len()];
+    for (place, known) in twin.known.iter().enumerate() {
+        let steps = match known.known {
+            Known::Presliding => [-1.0, 1.0],
+            Known::Creep | Known::Rounding => [1.0, 2.0],
+            Known::Mass(_) if has_table => [-1.0, 1.0],
+            _ => continue,
+        };
+        let run = |deviations: f64| {
+            let mut known = vec![0.0; twin.known.len()];
+            known[place] = deviations;
+            let changes = Changes {
+                known,
+                effects: Vec::new(),
+            };
+            twin.simulated(&changes, None)
+        };
+        let [a, b] = [run(steps[0])?, run(steps[1])?];
+        for (k, square) in squares.iter_mut().enumerate() {
+            // values at three places one apart, in whatever order
+            let [least, middle, most] = if steps[0] < 0.0 {
+                [a[k], clean[k], b[k]]
+            } else {
+                [clean[k], a[k], b[k]]
+            };
+            *square += (0.5 * (least + most) - middle).powi(2);
+        }
+    }
+    let around = (DOUBT_S * twin.rows_hz()).round() as usize;
+    let mut doubts_nm = vec![0.0; clean.len()];
+    for of in series(&twin.rows) {
+        for k in of.clone() {
+            let near = k.saturating_sub(around).max(of.start)..(k + around + 1).min(of.end);
+            doubts_nm[k] = squares[near].iter().copied().fold(0.0, f64::max).sqrt();
+        }
+    }
+    Ok(doubts_nm)
 }
 
 pub(crate) fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {

@@ -132,6 +132,7 @@ mod tests {
                     load_nm: 0.0,
                     motor_angle_rad: 30.0 * t.sin(),
                     inertial_nm: 0.0,
+                    vibrating_nm: 0.0,
                     beating_nm: 0.0,
                 }
             })

@@ -2,10 +2,11 @@
 
 use joint_model::filter::FilterError;
 use recording::{JointColumns, MissingSignal, Recording, Signal};
-use robot::Robot;
+use robot::{Robot, RobotJoint};
 
 use crate::joint::JointModel;
 use crate::load::{Load, Motion};
+use crate::observe::Band;
 use crate::simulate::Drive;
 
 /// A hole longer than this ends a stretch.
@@ -22,6 +23,8 @@ pub struct JointStretch {
     pub drive: Drive,
     /// What the joint carries.
     pub load: Load,
+    /// Torque that rounding of the other joints' encoders pretends, root mean square.
+    pub others_rounding_nm: Vec<f64>,
     /// Motor torque, or the command where the drive reports none.
     pub torque_nm: Vec<f64>,
     /// Whether the command is known.
@@ -242,14 +245,27 @@ fn stretch(
         .map(|(joint, position)| (!position.is_of_link).then(|| JointModel::nominal(robot, joint)))
         .collect();
     let motion = Motion::of(&columns, rate_hz)?.behind_gears(&robot.chain, &gears)?;
+    let encoders: Vec<[f64; 2]> = robot.joints.iter().map(encoder).collect();
     let joints = positions
         .into_iter()
         .zip(&robot.joints)
         .enumerate()
         .map(|(k, (position, file))| {
             let columns = recording.joint(&file.name)?;
-            Ok(joint_stretch(columns, file.gear_ratio, position, grid)
-                .map(|signals| signals.with_load(motion.load(&robot.chain, k))))
+            Ok(
+                joint_stretch(columns, file.gear_ratio, position, grid).map(|signals| {
+                    JointStretch {
+                        load: motion.load(&robot.chain, k),
+                        others_rounding_nm: motion.rounding_nm(
+                            &robot.chain,
+                            k,
+                            &encoders,
+                            Band::at(rate_hz).cutoff_hz,
+                        ),
+                        ..signals
+                    }
+                }),
+            )
         })
         .collect::<Result<Vec<_>, MissingSignal>>()?;
     Ok(Stretch {
@@ -259,6 +275,12 @@ fn stretch(
         joints,
         motion,
     })
+}
+
+/// Step and noise of the motor's encoder, joint side.
+fn encoder(joint: &RobotJoint) -> [f64; 2] {
+    let step_rad = joint.motor_encoder_resolution_rad.unwrap_or(0.0);
+    [step_rad, joint.position_noise_rad].map(|of_motor| of_motor / joint.gear_ratio)
 }
 
 /// What the encoders say, joint side.
@@ -336,6 +358,7 @@ fn joint_stretch(
             command_nm,
         },
         load: Load::default(),
+        others_rounding_nm: Vec::new(),
         torque_nm,
         has_command,
         has_torque_beside_command,
@@ -346,11 +369,6 @@ fn joint_stretch(
 }
 
 impl JointStretch {
-    fn with_load(mut self, load: Load) -> Self {
-        self.load = load;
-        self
-    }
-
     /// How many samples.
     pub fn samples(&self) -> usize {
         self.torque_nm.len()

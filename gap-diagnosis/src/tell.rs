@@ -184,10 +184,14 @@ impl Told<'_> {
                 _ => Verdict::Unexplained,
             };
         }
+        let is_named = |name: &String| effects.iter().any(|effect| effect.effect == *name);
+        let concerns_named =
+            |pair: &&Confusable| effects.is_empty() || pair.effects.iter().any(is_named);
         if remains != Remains::Nothing {
             Verdict::PartlyExplained
         } else if confusable
             .iter()
+            .filter(concerns_named)
             .any(|pair| pair.distance < confuse::DISTANCE_MIN || self.poverty.is_some())
             || effects.iter().any(|effect| effect.probability < 0.5)
         {

@@ -32,11 +32,11 @@ const ALONE: Trust = Trust {
     rest_nats: 45.0,
 };
 const IN_ARM: Trust = Trust {
-    by_file: 1.0,
-    by_known: 0.3,
+    by_file: 0.3,
+    by_known: 0.1,
     of_any_shape: 0.7,
-    least: 1.0,
-    naming_nats: 6.0,
+    least: 0.7,
+    naming_nats: 3.0,
     friction_nats: 90.0,
     rest_nats: 60.0,
 };

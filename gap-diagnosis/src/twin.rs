@@ -15,9 +15,11 @@ use crate::known::{self, KnownValue};
 use crate::load::{Load, LoadChange, Motion};
 use crate::observe::{Band, Channel, channels};
 use crate::repeats::Place;
+use crate::rounding::Rounding;
 use crate::simulate::{Feedback, Noise, Trace, simulate};
 use crate::smooth::derivative;
 use crate::stretch::{JointStretch, Stretch};
+use crate::vibration;
 
 /// The beginning of a stretch does not count: nobody knows how far friction and gear were wound up.
 const START_S: f64 = 0.5;
@@ -47,6 +49,8 @@ pub struct Row {
     pub motor_angle_rad: f64,
     /// Largest torque that accelerates rotor and link, and of the other joints' motion, within what the low-pass sees.
     pub inertial_nm: f64,
+    /// Torque that swings the rotor above the band, beyond what is usual of the recording.
+    pub vibrating_nm: f64,
     /// What rounding of the encoders adds where it beats with the samples: no noise that differs from sample to sample.
     pub beating_nm: f64,
 }
@@ -86,6 +90,8 @@ struct Piece<'a> {
     masses: Vec<Option<LoadChange>>,
     /// How the load changes with inertia added to the link about the joint's axis, per kg m².
     link_inertia: LoadChange,
+    /// Of the motor above the band, beyond what is usual.
+    vibration_rad_s2: Vec<f64>,
     /// Of the thinned samples, those that count.
     kept: Vec<usize>,
 }
@@ -359,6 +365,11 @@ impl<'a> Piece<'a> {
                 (first..end).contains(&sample) && signals.is_whole[around].iter().all(|w| *w)
             })
             .collect();
+        let vibration_rad_s2 = vibration::beyond_usual_rad_s2(
+            &signals.drive.motor_rad,
+            band.cutoff_hz,
+            stretch.rate_hz,
+        )?;
         let link_inertia = known::link_inertia(robot, joint, &stretch.motion, &signals.load);
         Ok(Self {
             stretch,
@@ -368,6 +379,7 @@ impl<'a> Piece<'a> {
             controller,
             band,
             masses,
+            vibration_rad_s2,
             kept,
         })
     }
@@ -377,42 +389,6 @@ impl<'a> Piece<'a> {
         columns
             .iter()
             .flat_map(|column| self.kept.iter().map(|row| column[*row]))
-    }
-}
-
-/// Harmonics of an encoder's rounding that are looked at for beats.
-const BEATS: i32 = 8;
-/// Speeds this near to a beat count as on it.
-const NEAR_BEAT: f64 = 0.01;
-
-/// An encoder's rounding at a speed.
-struct Rounding {
-    step_rad: f64,
-    noise_rad: f64,
-    steps_hz: f64,
-}
-
-impl Rounding {
-    /// What is left of it, root mean square, below a cut-off: sampling aliases its harmonics to anywhere, and near whole
-    /// numbers of steps in a sample to nearly nothing. Noise blurs it.
-    fn beating_rad(&self, rate_hz: f64, cutoff_hz: f64) -> f64 {
-        if self.step_rad <= 0.0 || !self.steps_hz.is_finite() {
-            return 0.0;
-        }
-        let square: f64 = (1..=BEATS)
-            .map(|harmonic| {
-                let harmonic = f64::from(harmonic);
-                let hz = harmonic * self.steps_hz;
-                let aliased_hz = (hz - (hz / rate_hz).round() * rate_hz).abs();
-                if aliased_hz > cutoff_hz + NEAR_BEAT * hz {
-                    return 0.0;
-                }
-                let angle = std::f64::consts::TAU * harmonic * self.noise_rad / self.step_rad;
-                let amplitude_rad = self.step_rad / (std::f64::consts::PI * harmonic);
-                0.5 * (amplitude_rad * (-0.5 * angle * angle).exp()).powi(2)
-            })
-            .sum();
-        square.sqrt()
     }
 }
 
@@ -457,9 +433,10 @@ fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointModel) -> Vec
                 Channel::Torsion => nominal.stiffness_nm_rad * motor_rad.hypot(link_rad),
                 Channel::Motor | Channel::Link => {
                     let bandwidth_rad_s = std::f64::consts::TAU * piece.band.cutoff_hz;
-                    (nominal.rotor_inertia_kg_m2 + load.inertia_kg_m2[k])
+                    let own_nm = (nominal.rotor_inertia_kg_m2 + load.inertia_kg_m2[k])
                         * bandwidth_rad_s.powi(2)
-                        * motor_rad
+                        * motor_rad;
+                    own_nm.hypot(piece.joint.others_rounding_nm[k])
                 }
                 Channel::Drive => 0.0,
             }
@@ -477,6 +454,7 @@ fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointModel) -> Vec
                     load_nm: load.torque_nm[k],
                     motor_angle_rad: nominal.gear_ratio * drive.motor_rad[k],
                     inertial_nm: largest_around(&moving_nm, k, around),
+                    vibrating_nm: nominal.rotor_inertia_kg_m2 * piece.vibration_rad_s2[k],
                     beating_nm: beating(channel, k),
                 }
             }));

@@ -58,10 +58,12 @@ const REVERSAL: f64 = 15.0;
 const REVERSAL_S: f64 = 0.12;
 /// Of the torque that accelerates the joint, the twin is off by this part: sensors and twin are not at the same instant.
 const INERTIAL: f64 = 0.02;
+/// Of the torque that swings the rotor above the band, friction within it is off by this part.
+const VIBRATING: f64 = 0.2;
 /// Slower than this part of the fastest is as good as standing.
 const STANDING: f64 = 0.03;
 
-/// Of each row, by how near its joint is to a reversal and how hard it accelerates: 1 in even motion.
+/// Of each row, by how near its joint is to a reversal, how hard it accelerates and whether it vibrates: 1 in even motion.
 fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor) -> Vec<f64> {
     let fastest = rows
         .iter()
@@ -91,9 +93,11 @@ fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor)
                 .fold(f64::INFINITY, f64::min);
             let near = (-(nearest_s / REVERSAL_S).powi(2)).exp();
             let hard = INERTIAL * row.inertial_nm / deviation_nm;
+            let swings = VIBRATING * row.vibrating_nm / deviation_nm;
             // a beat is as quick as noise
             let beating = row.beating_nm / quick_nm.max(1e-12);
-            let less = (REVERSAL * near).powi(2) + hard * hard + beating * beating;
+            let less =
+                (REVERSAL * near).powi(2) + hard * hard + swings * swings + beating * beating;
             *weight = 1.0 / (1.0 + less).sqrt();
         }
     }
@@ -130,6 +134,18 @@ impl Whitener {
             series,
             filters,
         }
+    }
+
+    /// With rows that count less by what nobody can tell of them, row by row.
+    #[must_use]
+    pub fn doubting(mut self, doubts_nm: &[f64]) -> Self {
+        for (of, filter) in self.series.iter().zip(&self.filters) {
+            for k in of.clone() {
+                let doubt = doubts_nm[k] / filter.scale_nm;
+                self.weights[k] = 1.0 / (self.weights[k].powi(-2) + doubt * doubt).sqrt();
+            }
+        }
+        self
     }
 
     /// The same for one channel's rows alone, with where those rows are.

@@ -10,7 +10,7 @@ const STILL_RAD: f64 = 2e-3;
 /// Of the fastest speed (of its 95 % quantile); slower counts as standing.
 const MOVING: f64 = 0.05;
 /// Fast moving over slow moving, 90 % over 20 % quantile: below this it is one speed.
-const SPEEDS: f64 = 1.3;
+const SPEEDS: f64 = 1.4;
 /// Part of the speeds' squares that one frequency makes up: above it there is no other. There and back at one speed has 0.81.
 const ONE_FREQUENCY: f64 = 0.86;
 /// Fewer swings are any motion's, and a faster one is not told by a few blocks a swing.
