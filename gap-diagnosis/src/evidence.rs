@@ -255,8 +255,8 @@ impl Standings {
         simulated.sort_by(|a, b| b.1.total_cmp(&a.1));
         for (index, nats) in &mut self.effects {
             let own = simulated.iter().find(|(other, ..)| other == index);
-            // the others stay as far behind the next better one that was simulated as their linear responses were; one
-            // without a linear response is no measure for them
+            // the others stay as far behind the next better one that was simulated as their linear responses were, and are
+            // worth no more than these: what would be was simulated. One without a linear response is no measure for them
             let next = || {
                 let mut responding = simulated
                     .iter()
@@ -267,7 +267,7 @@ impl Standings {
             };
             *nats = match own.or_else(next) {
                 Some((other, _, value)) if other == index => *value,
-                Some((_, linear, value)) => value + (*nats - linear).min(0.0),
+                Some((_, linear, value)) => (value + (*nats - linear).min(0.0)).min(*nats),
                 None => *nats,
             };
         }

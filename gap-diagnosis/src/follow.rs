@@ -158,14 +158,24 @@ impl Response {
         best
     }
 
-    /// By how much each of the last commands counts in the torque, newest first, if the current loop is not slow; and the
-    /// noise of one reading.
-    pub(crate) fn of_fast_loop(&self) -> (Vec<f64>, f64) {
+    /// By how much each of the last commands counts in the torque, newest first, if the current loop is not slow: as the
+    /// samples have it, and as they would have it if none were late beyond what the controller has; and what the former leaves of
+    /// one reading.
+    pub(crate) fn of_fast_loop(&self, delay_cycles: usize) -> ([Vec<f64>; 2], f64) {
         let (follow, left) = self.best(&delays(0.0), &FAST_LAGS_S);
+        let told = Follow {
+            delay: told_delay(delay_cycles),
+            lag_s: 0.0,
+        };
+        let weights = [follow, told].map(|follow| self.taps(follow).iter().copied().collect());
         // of steps, so of two readings' noise
-        let noise_nm = (left / self.rows / 2.0).sqrt();
-        (self.taps(follow).iter().copied().collect(), noise_nm)
+        (weights, (left / self.rows / 2.0).sqrt())
     }
+}
+
+/// Samples from a command to the torque that is measured of it: what acts from a sample on is measured at the next.
+fn told_delay(delay_cycles: usize) -> f64 {
+    delay_cycles as f64 + 1.0
 }
 
 /// The largest torque but for a few samples and a margin: commands up to it were not cut off.
@@ -227,8 +237,7 @@ pub(crate) fn slow_drive(
 impl Response {
     fn slow(&self, delay_cycles: usize) -> Vec<Found> {
         let response = self;
-        // what acts from a sample on is measured at the next
-        let told = delay_cycles as f64 + 1.0;
+        let told = told_delay(delay_cycles);
         let usual: Vec<f64> = (0..=LATE_STEPS)
             .map(|k| told + 0.1 * f64::from(k))
             .collect();

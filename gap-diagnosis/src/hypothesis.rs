@@ -112,12 +112,10 @@ pub fn plain(
     add("torque_constant_error", Form::Gain, &[]);
     add("torque_offset", Form::Offset, &[]);
     if has_command && scale.may_saturate {
-        for part in [0.95, 0.85, 0.7, 0.5] {
-            add(
-                "torque_saturation",
-                Form::Saturation,
-                &[part * scale.motor_torque_nm],
-            );
+        let parts = [0.95, 0.85, 0.7, 0.5].map(|part| part * scale.motor_torque_nm);
+        // a drive that reports its torque shows where it ends
+        for limit_nm in scale.reached_motor_nm.into_iter().chain(parts) {
+            add("torque_saturation", Form::Saturation, &[limit_nm]);
         }
     }
     if has_command {
@@ -298,7 +296,11 @@ impl Hypothesis {
             Form::Hysteresis => [0.01 * scale.twist_rad(), 3.0 * scale.twist_rad()],
             Form::StructuralDamping => [0.2, 1.5],
             Form::FirstOrderDrift => [1.0, 300.0],
-            Form::Saturation => [0.2 * scale.motor_torque_nm, 1.2 * scale.motor_torque_nm],
+            Form::Saturation => {
+                let reached_nm = scale.reached_motor_nm.unwrap_or(0.0);
+                let most_nm = reached_nm.max(scale.motor_torque_nm);
+                [0.2 * scale.motor_torque_nm, 1.2 * most_nm]
+            }
             _ => self.shape.first().map_or([0.0, f64::INFINITY], |cycles| {
                 let slack = 1.0 / (cycles * scale.motor_turns);
                 [cycles * (1.0 - slack).max(0.5), cycles * (1.0 + slack)]
@@ -528,6 +530,7 @@ mod tests {
             stiffness_nm_rad: 1e4,
             stiffness_is_known: true,
             motor_torque_nm: 0.5,
+            reached_motor_nm: None,
             may_saturate: true,
             inertia_kg_m2: 1.0,
             period_s: 1e-3,

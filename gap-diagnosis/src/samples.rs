@@ -18,6 +18,10 @@ const COARSER: f64 = 1.4;
 const LAG_MIN_S: f64 = 6e-4;
 /// A step of the command stands out if it is so many times the noise.
 const SURE_STEP: f64 = 8.0;
+/// What is nearer to nothing, or to a whole step, than this part of it, is that.
+const NEAR_STEP: f64 = 0.25;
+/// A drive that leaves out commands either follows a step or does not: most of the time.
+const EITHER: f64 = 0.8;
 /// Standard errors that a finding is away from nothing.
 const SURE: f64 = 5.0;
 
@@ -52,10 +56,15 @@ pub fn find(
     // a torque that was not measured anew tells nothing of its command
     let (left_out, slow) = match lost {
         Some(_) => (None, Vec::new()),
-        None => (
-            lost_commands(&columns, period_s),
-            slow_drive(&columns, period_s, delay_cycles),
-        ),
+        None => {
+            let left_out = lost_commands(&columns, period_s, delay_cycles);
+            let mut slow = slow_drive(&columns, period_s, delay_cycles);
+            // commands that are left out come later, as from a slow loop
+            slow.retain(|found| {
+                left_out.is_none() || !matches!(found.effect, Effect::CurrentLoopLag { .. })
+            });
+            (left_out, slow)
+        }
     };
     let found = [
         lost,
@@ -133,12 +142,21 @@ fn lost_samples(columns: &[&JointColumns], joint: &RobotJoint) -> Option<Found> 
 }
 
 /// Rows in which the drive's torque stayed with the command before.
-fn lost_commands(columns: &[&JointColumns], period_s: f64) -> Option<Found> {
-    // a delay between two samples spreads each step over both
-    let (weights, noise_nm) = Response::of_steps(columns, period_s)?.of_fast_loop();
-    let (mut lost, mut of) = (0, 0);
+fn lost_commands(columns: &[&JointColumns], period_s: f64, delay_cycles: usize) -> Option<Found> {
+    let response = Response::of_steps(columns, period_s)?;
+    // a delay between two samples spreads each step over both; many lost commands look like a delay
+    let (weights, left_nm) = response.of_fast_loop(delay_cycles);
+    let mut weights = weights.iter();
+    weights.find_map(|weights| lost_beside(columns, weights, left_nm))
+}
+
+/// The same, if the torque is made of the last commands like this, newest first.
+fn lost_beside(columns: &[&JointColumns], weights: &[f64], left_nm: f64) -> Option<Found> {
+    let (mut lost, mut followed, mut of) = (0, 0, 0);
     for (torque_nm, command_nm) in pairs(columns) {
         let digit_nm = smallest_step(torque_nm).unwrap_or(0.0);
+        // lost commands are no noise, nor are steps of the command
+        let noise_nm = reading_noise_nm(torque_nm).min(left_nm);
         let sure_nm = SURE_STEP * noise_nm.max(digit_nm);
         let answer_nm = |k: usize| -> f64 {
             let past = command_nm[..=k].iter().rev();
@@ -150,14 +168,18 @@ fn lost_commands(columns: &[&JointColumns], period_s: f64) -> Option<Found> {
             let given_nm = torque_nm[k] - torque_nm[k - 1];
             let before_nm = torque_nm[k - 1] - expected_nm;
             let stands_out = step_nm.abs() > sure_nm;
-            if !stands_out || !given_nm.is_finite() {
+            // the torque was where it should be
+            if !stands_out || !given_nm.is_finite() || (before_nm / step_nm).abs() >= NEAR_STEP {
                 continue;
             }
             of += 1;
-            // the torque was where it should be, and stayed there
-            let stays = (given_nm / step_nm).abs() < 0.25;
-            lost += usize::from(stays && (before_nm / step_nm).abs() < 0.25);
+            lost += usize::from((given_nm / step_nm).abs() < NEAR_STEP);
+            followed += usize::from((given_nm / step_nm - 1.0).abs() < NEAR_STEP + NEAR_STEP);
         }
+    }
+    if ((lost + followed) as f64) < EITHER * of as f64 {
+        // a slow drive goes a part of every step
+        return None;
     }
     let (part, std) = fraction(lost, of)?;
     Some(Found {
@@ -165,6 +187,16 @@ fn lost_commands(columns: &[&JointColumns], period_s: f64) -> Option<Found> {
         std,
         because: format!("{lost} of {of} steps of the command were left out by the drive"),
     })
+}
+
+/// Noise of one reading, from the smaller ones of its steps: those in which nothing else happened.
+fn reading_noise_nm(torque_nm: &[f64]) -> f64 {
+    let steps = torque_nm.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let mut steps: Vec<f64> = steps.filter(|step| step.is_finite()).collect();
+    steps.sort_by(f64::total_cmp);
+    // a fifth of normal values are within a quarter of their deviation; a step has two readings
+    let fifth_nm = steps.get(steps.len() / 5).copied().unwrap_or(0.0);
+    fifth_nm / 0.2533 / 2.0_f64.sqrt()
 }
 
 /// The smallest step between two rows that differ; none where the values are not in steps.
@@ -352,10 +384,35 @@ mod tests {
             (Signal::MotorTorqueNm, torque),
         ]);
         let columns = [&joint];
-        let found = lost_commands(&columns, 1e-3).unwrap();
+        let found = lost_commands(&columns, 1e-3, 0).unwrap();
         let Effect::DroppedCommands { fraction } = found.effect else {
             panic!("{found:?}");
         };
         assert!((fraction - 0.02).abs() < 0.01, "{fraction}");
+    }
+
+    #[test]
+    fn a_drive_that_leaves_out_half_of_its_commands_is_not_slow() {
+        let command = command();
+        let mut torque = vec![0.0; 20_000];
+        // digits that have nothing to do with the command's steps
+        let digits: Vec<f64> = command.iter().map(|u| (u * 1e6).abs().fract()).collect();
+        let is_lost = |k: usize| digits[(k * 7 + 5) % 20_000] < 0.5;
+        for k in 1..20_000 {
+            torque[k] = if is_lost(k) {
+                torque[k - 1]
+            } else {
+                command[k - 1]
+            };
+        }
+        let joint = columns(vec![
+            (Signal::CommandTorqueNm, command),
+            (Signal::MotorTorqueNm, torque),
+        ]);
+        let found = lost_commands(&[&joint], 1e-3, 0).unwrap();
+        let Effect::DroppedCommands { fraction } = found.effect else {
+            panic!("{found:?}");
+        };
+        assert!((fraction - 0.5).abs() < 0.05, "{fraction}");
     }
 }

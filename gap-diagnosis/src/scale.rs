@@ -27,6 +27,8 @@ pub struct Scale {
     pub stiffness_is_known: bool,
     /// Largest torque but for a few samples, motor side.
     pub motor_torque_nm: f64,
+    /// Largest torque that the drive reports beside its command but for a few samples, motor side; none where it reports none.
+    pub reached_motor_nm: Option<f64>,
     /// Whether the drive may have given less than it was commanded: its reported torque stays below the command's
     /// peaks, or it reports none.
     pub may_saturate: bool,
@@ -70,6 +72,10 @@ impl Scale {
             stiffness_nm_rad: model.stiffness_nm_rad,
             stiffness_is_known: model.stiffness_is_known,
             motor_torque_nm: torque_nm / model.gear_ratio,
+            reached_motor_nm: stretches
+                .iter()
+                .all(|stretch| stretch.has_torque_beside_command)
+                .then(|| largest(|stretch| &stretch.torque_nm) / model.gear_ratio),
             may_saturate: stretches
                 .iter()
                 .all(|stretch| !stretch.has_torque_beside_command)

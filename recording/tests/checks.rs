@@ -258,6 +258,25 @@ fn a_gear_ratio_off_is_an_error_with_both_numbers() {
 }
 
 #[test]
+fn lost_motion_is_no_gear_ratio() {
+    let mut recording = whole();
+    let link_rad = column(&mut recording, 1, Signal::LinkPositionRad).clone();
+    let swing_rad = link_rad.iter().fold(0.0_f64, |most, q| most.max(q.abs()));
+    let gap_rad = 0.04 * swing_rad;
+    // the motor drags the link along with whichever side of the gap it is at
+    let mut behind_rad = link_rad[0];
+    let lost = link_rad.iter().map(|motor_rad| {
+        behind_rad = behind_rad.clamp(motor_rad - gap_rad, motor_rad + gap_rad);
+        behind_rad
+    });
+    let lost: Vec<f64> = lost.collect();
+    *column(&mut recording, 1, Signal::LinkPositionRad) = lost;
+    let findings = serious(check(&recording, Some(&robot())));
+    let is_ratio = |finding: &Finding| finding.kind == FindingKind::WrongGearRatio;
+    assert!(!findings.iter().any(is_ratio), "{findings:#?}");
+}
+
+#[test]
 fn swapped_joints_are_named() {
     let mut recording = whole();
     let [a, b, _] = &mut recording.joints[..] else {

@@ -18,6 +18,8 @@ pub(super) struct Scales {
     pub(super) gear_ratio: Option<f64>,
     /// Motor position over link position.
     measured_ratio: Option<f64>,
+    /// How far the two are from a straight line, root mean square, as a part of their range.
+    ratio_scatter: f64,
     positions: Vec<Wrong>,
     /// Against their own positions.
     velocities: Vec<Wrong>,
@@ -41,6 +43,12 @@ impl Scales {
     ) -> Self {
         let between = |x: Signal, y: Signal| slope(values(joint, x)?, values(joint, y)?, SAME);
         let measured_ratio = between(Signal::LinkPositionRad, Signal::MotorPositionRad);
+        let encoders = [Signal::LinkPositionRad, Signal::MotorPositionRad];
+        let [link_rad, motor_rad] = encoders.map(|signal| values(joint, signal));
+        let ratio_scatter = link_rad
+            .zip(motor_rad)
+            .and_then(|(link_rad, motor_rad)| line(link_rad, motor_rad))
+            .map_or(1.0, |line| (1.0 - line.correlation.powi(2)).max(0.0).sqrt());
         let gear_ratio = robot.map(|robot| robot.gear_ratio).or(measured_ratio);
         let positions = wrong_positions(
             gear_ratio,
@@ -56,6 +64,7 @@ impl Scales {
         let mut scales = Self {
             gear_ratio,
             measured_ratio,
+            ratio_scatter,
             positions,
             velocities: Vec::new(),
             torques: Vec::new(),
@@ -251,6 +260,9 @@ fn explain(
 fn gear_ratio(joint: &JointColumns, robot: Option<&CheckJoint>, seen: &Scales) -> Option<Finding> {
     /// A soft gear's windup and an encoder's eccentricity change the ratio by less.
     const RATIO_OFF: f64 = 0.01;
+    /// Lost motion changes the ratio of a short swing by more, but not along a straight line: it scatters about as much as it
+    /// tilts.
+    const STRAIGHT: f64 = 0.5;
     let measured = seen.measured_ratio?;
     let Some(robot) = robot else {
         let reversed = (measured < 0.0).then(|| {
@@ -263,7 +275,8 @@ fn gear_ratio(joint: &JointColumns, robot: Option<&CheckJoint>, seen: &Scales) -
         return reversed.map(|finding| finding.at(joint).of(Signal::MotorPositionRad));
     };
     let off = measured / robot.gear_ratio - 1.0;
-    (off.abs() > RATIO_OFF).then(|| wrong_ratio(joint, measured, seen))
+    let is_straight = seen.ratio_scatter < STRAIGHT * off.abs();
+    (off.abs() > RATIO_OFF && is_straight).then(|| wrong_ratio(joint, measured, seen))
 }
 
 fn wrong_ratio(joint: &JointColumns, measured: f64, seen: &Scales) -> Finding {
