@@ -108,17 +108,10 @@ impl<'a> Arm<'a> {
     /// Inertia and stiffness at the present pose.
     fn pose(&mut self) {
         let count = self.gears.len();
-        let rest = vec![0.0; count];
         let at = self.position_rad.as_slice();
-        self.chain.gravity_torque(at, &mut self.out);
-        let gravity_nm = self.out.clone();
         for joint in 0..count {
-            let mut unit = rest.clone();
-            unit[joint] = 1.0;
-            self.chain.inverse_dynamics(at, &rest, &unit, &mut self.out);
-            for (row, (moving_nm, gravity_nm)) in self.out.iter().zip(&gravity_nm).enumerate() {
-                self.mass_kg_m2[(row, joint)] = moving_nm - gravity_nm;
-            }
+            let column = DVector::from_vec(mass_column_kg_m2(self.chain, at, joint));
+            self.mass_kg_m2.set_column(joint, &column);
         }
         for joint in 0..count {
             self.stiffness_nm_rad[joint] = match &self.gears[joint] {
@@ -154,6 +147,21 @@ impl<'a> Arm<'a> {
         }
         self.position_rad += self.step_s * &self.velocity_rad_s;
     }
+}
+
+/// Torque on every joint by which one alone accelerates, per its acceleration: a column of the mass matrix.
+pub(crate) fn mass_column_kg_m2(chain: &Chain, position_rad: &[f64], joint: usize) -> Vec<f64> {
+    let count = position_rad.len();
+    let rest = vec![0.0; count];
+    let mut unit = vec![0.0; count];
+    unit[joint] = 1.0;
+    let (mut gravity_nm, mut moving_nm) = (vec![0.0; count], vec![0.0; count]);
+    chain.gravity_torque(position_rad, &mut gravity_nm);
+    chain.inverse_dynamics(position_rad, &rest, &unit, &mut moving_nm);
+    let columns = moving_nm.iter().zip(&gravity_nm);
+    columns
+        .map(|(moving_nm, gravity_nm)| moving_nm - gravity_nm)
+        .collect()
 }
 
 /// Where the gear's output would be without load.

@@ -236,17 +236,16 @@ pub(crate) fn slow_drive(
 
 impl Response {
     fn slow(&self, delay_cycles: usize) -> Vec<Found> {
-        let response = self;
         let told = told_delay(delay_cycles);
         let usual: Vec<f64> = (0..=LATE_STEPS)
             .map(|k| told + 0.1 * f64::from(k))
             .collect();
         let lags = slow_lags_s();
-        let (_, as_told) = response.best(&usual, &FAST_LAGS_S);
-        let (late, with_delay) = response.best(&delays(told), &FAST_LAGS_S);
-        let (slow, with_lag) = response.best(&usual, &lags);
-        let (both, least) = response.best(&delays(told), &lags);
-        let variance = (least / response.rows).max(1e-300);
+        let (_, as_told) = self.best(&usual, &FAST_LAGS_S);
+        let (late, with_delay) = self.best(&delays(told), &FAST_LAGS_S);
+        let (slow, with_lag) = self.best(&usual, &lags);
+        let (both, least) = self.best(&delays(told), &lags);
+        let variance = (least / self.rows).max(1e-300);
         let worth = |before: f64, after: f64| (before - after) / variance > WORTH;
         if !worth(as_told, least) {
             return Vec::new();
@@ -273,10 +272,10 @@ impl Response {
         }
         let late = chosen.delay - told;
         if late > 0.1 * f64::from(LATE_STEPS) {
-            let delay_s = late * response.period_s;
+            let delay_s = late * self.period_s;
             found.push(Found {
                 effect: Effect::CommandDelay { delay_s },
-                std: (0.03 * delay_s).max(0.1 * response.period_s),
+                std: (0.03 * delay_s).max(0.1 * self.period_s),
                 because: format!(
                     "the drive's torque comes {:.2} ms later than the controller's delay",
                     1e3 * delay_s

@@ -4,7 +4,7 @@
 use joint_model::filter::FilterError;
 use joint_model::rigid_body::Chain;
 
-use crate::elastic::links_rad;
+use crate::elastic::{links_rad, mass_column_kg_m2};
 use crate::joint::JointModel;
 use crate::rounding::Rounding;
 use crate::smooth::{derivative, low_pass, second_derivative};
@@ -180,17 +180,12 @@ impl Motion {
         let samples = self.position_rad[joint].len();
         let count = self.position_rad.len();
         let knots = self.knots(samples);
-        let rest = vec![0.0; count];
-        let mut unit = vec![0.0; count];
-        unit[joint] = 1.0;
-        let (mut gravity_nm, mut moving_nm) = (vec![0.0; count], vec![0.0; count]);
         let bandwidth_rad_s = std::f64::consts::TAU * cutoff_hz;
         let at_knots: Vec<f64> = knots
             .iter()
             .map(|&k| {
                 let [position_rad, velocity_rad_s, _] = self.at(k);
-                chain.gravity_torque(&position_rad, &mut gravity_nm);
-                chain.inverse_dynamics(&position_rad, &rest, &unit, &mut moving_nm);
+                let inertia_kg_m2 = mass_column_kg_m2(chain, &position_rad, joint);
                 let others = (0..count).filter(|other| *other != joint);
                 let square: f64 = others
                     .map(|other| {
@@ -200,9 +195,8 @@ impl Motion {
                             noise_rad,
                             steps_hz: velocity_rad_s[other].abs() / step_rad,
                         };
-                        let inertia_kg_m2 = moving_nm[other] - gravity_nm[other];
                         let rounded_rad = rounding.beating_rad(self.rate_hz, cutoff_hz);
-                        (inertia_kg_m2 * bandwidth_rad_s.powi(2) * rounded_rad).powi(2)
+                        (inertia_kg_m2[other] * bandwidth_rad_s.powi(2) * rounded_rad).powi(2)
                     })
                     .sum();
                 square.sqrt()
