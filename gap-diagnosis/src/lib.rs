@@ -43,5 +43,6 @@ pub mod twin;
 mod vibration;
 pub mod watch;
 pub mod whiten;
+mod whole_arm;
 
 pub use diagnose::{DiagnoseError, Diagnosis, JointTraces, Progress, diagnose};

@@ -84,10 +84,43 @@ impl LoadChange {
         self
     }
 
+    #[cfg(test)]
+    pub(crate) fn largest_difference(&self, other: &Self) -> f64 {
+        let columns = [
+            (&self.inertia_kg_m2, &other.inertia_kg_m2),
+            (&self.torque_nm, &other.torque_nm),
+            (&self.slope_nm_rad, &other.slope_nm_rad),
+        ];
+        let all = columns.into_iter().flat_map(|(a, b)| a.iter().zip(b));
+        all.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    }
+
     /// Root mean square of the torque.
     pub fn torque_rms_nm(&self) -> f64 {
         let count = self.torque_nm.len().max(1) as f64;
         (self.torque_nm.iter().map(|x| x * x).sum::<f64>() / count).sqrt()
+    }
+}
+
+/// A load at one instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct AtKnot {
+    pub torque_nm: f64,
+    pub gravity_nm: f64,
+    pub inertia_kg_m2: f64,
+    pub slope_nm_rad: f64,
+}
+
+impl AtKnot {
+    /// This, and so many times another.
+    #[must_use]
+    pub fn plus(self, factor: f64, other: &Self) -> Self {
+        Self {
+            torque_nm: self.torque_nm + factor * other.torque_nm,
+            gravity_nm: self.gravity_nm + factor * other.gravity_nm,
+            inertia_kg_m2: self.inertia_kg_m2 + factor * other.inertia_kg_m2,
+            slope_nm_rad: self.slope_nm_rad + factor * other.slope_nm_rad,
+        }
     }
 }
 
@@ -207,16 +240,44 @@ impl Motion {
 
     /// What one joint of a chain carries along this motion.
     pub fn load(&self, chain: &Chain, joint: usize) -> Load {
+        let values = self.at_knots(chain, joint);
         let samples = self.position_rad[joint].len();
-        let count = self.position_rad.len();
         let knots = self.knots(samples);
+        let column =
+            |of: fn(&AtKnot) -> f64| interpolate(&knots, samples, |knot| of(&values[knot]));
+        Load {
+            position_rad: self.position_rad[joint].clone(),
+            velocity_rad_s: self.velocity_rad_s[joint].clone(),
+            torque_nm: column(|at| at.torque_nm),
+            inertia_kg_m2: column(|at| at.inertia_kg_m2),
+            slope_nm_rad: column(|at| at.slope_nm_rad),
+            coupling_nm: column(|at| at.torque_nm - at.gravity_nm),
+        }
+    }
+
+    /// The change of a load that is so much where loads are computed.
+    pub(crate) fn change(&self, at_knots: &[AtKnot]) -> LoadChange {
+        let samples = self.position_rad.first().map_or(0, Vec::len);
+        let knots = self.knots(samples);
+        let column =
+            |of: fn(&AtKnot) -> f64| interpolate(&knots, samples, |knot| of(&at_knots[knot]));
+        LoadChange {
+            torque_nm: column(|at| at.torque_nm),
+            inertia_kg_m2: column(|at| at.inertia_kg_m2),
+            slope_nm_rad: column(|at| at.slope_nm_rad),
+        }
+    }
+
+    /// What one joint of a chain carries where loads are computed.
+    pub(crate) fn at_knots(&self, chain: &Chain, joint: usize) -> Vec<AtKnot> {
+        let count = self.position_rad.len();
+        let knots = self.knots(self.position_rad[joint].len());
         let rest = vec![0.0; count];
         let mut unit = vec![0.0; count];
         unit[joint] = 1.0;
         let mut out = vec![0.0; count];
-        let mut values = Vec::with_capacity(knots.len());
-        for &k in &knots {
-            let [mut position_rad, velocity_rad_s, mut acceleration_rad_s2] = self.at(k);
+        let at = |k: &usize| {
+            let [mut position_rad, velocity_rad_s, mut acceleration_rad_s2] = self.at(*k);
             acceleration_rad_s2[joint] = 0.0;
             chain.inverse_dynamics(
                 &position_rad,
@@ -232,22 +293,14 @@ impl Motion {
             position_rad[joint] += SLOPE_RAD;
             chain.gravity_torque(&position_rad, &mut out);
             let slope_nm_rad = (out[joint] - gravity_nm) / SLOPE_RAD;
-            values.push([
+            AtKnot {
                 torque_nm,
+                gravity_nm,
                 inertia_kg_m2,
                 slope_nm_rad,
-                torque_nm - gravity_nm,
-            ]);
-        }
-        let column = |index: usize| interpolate(&knots, samples, |knot| values[knot][index]);
-        Load {
-            position_rad: self.position_rad[joint].clone(),
-            velocity_rad_s: self.velocity_rad_s[joint].clone(),
-            torque_nm: column(0),
-            inertia_kg_m2: column(1),
-            slope_nm_rad: column(2),
-            coupling_nm: column(3),
-        }
+            }
+        };
+        knots.iter().map(at).collect()
     }
 }
 

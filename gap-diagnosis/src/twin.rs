@@ -3,8 +3,6 @@
 use std::borrow::Cow;
 
 use joint_model::filter::FilterError;
-use joint_model::rigid_body::Chain;
-use nalgebra::Isometry3;
 use rand_core::{RngCore, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use robot::{Effect, Robot};
@@ -20,6 +18,7 @@ use crate::simulate::{Feedback, Noise, Trace, simulate};
 use crate::smooth::derivative;
 use crate::stretch::{JointStretch, Stretch};
 use crate::vibration;
+use crate::whole_arm::WholeArm;
 
 /// The beginning of a stretch does not count: nobody knows how far friction and gear were wound up.
 const START_S: f64 = 0.5;
@@ -90,6 +89,8 @@ struct Piece<'a> {
     masses: Vec<Option<LoadChange>>,
     /// How the load changes with inertia added to the link about the joint's axis, per kg m².
     link_inertia: LoadChange,
+    /// How the load changes with payload and tilt.
+    whole_arm: WholeArm,
     /// Of the motor above the band, beyond what is usual.
     vibration_rad_s2: Vec<f64>,
     /// Of the thinned samples, those that count.
@@ -306,8 +307,10 @@ impl<'a> JointTwin<'a> {
 
     fn load(&self, piece: &Piece<'a>, changes: &Changes) -> Cow<'a, Load> {
         let mut load = Cow::Borrowed(&piece.joint.load);
-        if let Some(chain) = with_whole_arm(&self.robot.chain, &changes.effects) {
-            load = Cow::Owned(piece.stretch.motion.load(&chain, self.joint));
+        let motion = &piece.stretch.motion;
+        let whole_arm = &piece.whole_arm;
+        if let Some(change) = whole_arm.change(&self.robot.chain, motion, &changes.effects) {
+            load.to_mut().add(&change, 1.0);
         }
         for effect in &changes.effects {
             if let Effect::LinkInertia { inertia_kg_m2 } = *effect {
@@ -321,20 +324,6 @@ impl<'a> JointTwin<'a> {
         }
         load
     }
-}
-
-/// The arm with the payloads and tilts among these effects; none where there are none, or no such arm.
-fn with_whole_arm(chain: &Chain, effects: &[Effect]) -> Option<Chain> {
-    if !effects.iter().any(Effect::is_whole_arm) {
-        return None;
-    }
-    robot::changed_chain(
-        chain.links(),
-        chain.gravity_m_s2(),
-        Isometry3::identity(),
-        effects.iter().map(|effect| (None, effect)),
-    )
-    .ok()
 }
 
 impl<'a> Piece<'a> {
@@ -375,6 +364,7 @@ impl<'a> Piece<'a> {
             stretch,
             joint: signals,
             link_inertia,
+            whole_arm: WholeArm::of(joint),
             tracking,
             controller,
             band,
