@@ -361,6 +361,11 @@ impl JointModel {
         }
     }
 
+    /// Whether the gear's spring is a straight line.
+    pub(crate) fn is_linear(&self) -> bool {
+        self.soft_windup.is_none() && self.backlash.gap_rad == 0.0
+    }
+
     /// Torque of the gear's spring at a torsion.
     pub fn elastic_nm(&self, torsion_rad: f64) -> f64 {
         let main = self.compliance();

@@ -116,6 +116,13 @@ pub fn simulate(
     } else {
         1.0
     };
+    let delay = feedback.delay_samples + model.command_delay_s / drive.period_s;
+    let held: Vec<(f64, Held)> = (0..substeps)
+        .map(|substep| {
+            let share = substep as f64 / substeps as f64;
+            (share, Held::at(delay - share, 1.0 / substeps as f64))
+        })
+        .collect();
     for k in 0..samples {
         let measured = joint.measure(model, drive.period_s, noise.as_deref_mut());
         let added_nm = match feedback.way {
@@ -139,11 +146,9 @@ pub fn simulate(
         };
         joint.receive(command_nm, kept);
         let time_s = drive.start_s + k as f64 * drive.period_s;
-        let delay = feedback.delay_samples + model.command_delay_s / drive.period_s;
-        for substep in 0..substeps {
-            let share = substep as f64 / substeps as f64;
-            joint.drive(model, delay - share, 1.0 / substeps as f64, answer);
-            joint.advance(model, load, k, share, time_s, step_s);
+        for (share, held) in &held {
+            joint.drive(model, held, answer);
+            joint.advance(model, load, k, *share, time_s, step_s);
         }
     }
     trace
@@ -237,6 +242,28 @@ impl Loop {
             None => difference_rad_s,
         };
         feedback.proportional_nm_rad * error_rad + feedback.derivative_nm_s_rad * rate_rad_s
+    }
+}
+
+/// The commands that the drive holds during a substep: each until the next is old enough, which may be within it.
+struct Held {
+    /// In samples.
+    older: usize,
+    newer: usize,
+    /// Of the substep.
+    share_of_newer: f64,
+}
+
+impl Held {
+    /// In a substep of so many periods, for a command that is so many periods old at its beginning.
+    fn at(age: f64, periods: f64) -> Self {
+        let older = (age - 1e-9).ceil().max(0.0);
+        let share_of_older = ((age - (older - 1.0)) / periods).clamp(0.0, 1.0);
+        Self {
+            older: older as usize,
+            newer: (older - 1.0).max(0.0) as usize,
+            share_of_newer: 1.0 - share_of_older,
+        }
     }
 }
 
@@ -358,18 +385,12 @@ impl State {
         self.commands_nm[self.newest] = if kept { command_nm } else { before };
     }
 
-    /// The current loop, for a command that is so many periods old at the beginning of a substep of so many periods, by the
-    /// part of the difference that it makes up in one.
-    fn drive(&mut self, model: &JointModel, age: f64, periods: f64, answer: f64) {
-        // a command is held until the next is old enough, which may be within the substep
-        let older = (age - 1e-9).ceil().max(0.0);
+    /// The current loop, by the part of the difference that it makes up in a substep.
+    fn drive(&mut self, model: &JointModel, held: &Held, answer: f64) {
         let limit_nm = model.torque_limit_nm * model.gear_ratio;
-        let held = |age: f64| {
-            let age = age.max(0.0) as usize;
-            self.commands_nm[self.index(age)].clamp(-limit_nm, limit_nm)
-        };
-        let share_of_older = ((age - (older - 1.0)) / periods).clamp(0.0, 1.0);
-        let demand_nm = held(older) + (1.0 - share_of_older) * (held(older - 1.0) - held(older));
+        let command_nm = |age: usize| self.commands_nm[self.index(age)].clamp(-limit_nm, limit_nm);
+        let older_nm = command_nm(held.older);
+        let demand_nm = older_nm + held.share_of_newer * (command_nm(held.newer) - older_nm);
         self.drive_nm += answer * (demand_nm - self.drive_nm);
     }
 
@@ -408,9 +429,10 @@ impl State {
         // the link's velocity at the end is `a + b·motor velocity`
         let coupling = gear.slope_nm_s_rad * step_s;
         let mass = link.inertia_kg_m2 + coupling;
+        let per_mass = 1.0 / mass;
         let a = (link.inertia_kg_m2 * self.link_rad_s + step_s * (gear.torque_nm - link.torque_nm))
-            / mass;
-        let b = coupling * lever / mass;
+            * per_mass;
+        let b = coupling * lever * per_mass;
         let inertia = model.rotor_inertia_kg_m2 + lever * coupling * (lever - b);
         let drive_nm = shaft_nm - lever * (gear.torque_nm - gear.slope_nm_s_rad * a);
         let before_rad_s = self.motor_rad_s;
@@ -466,8 +488,12 @@ impl State {
 
     fn gear(&self, model: &JointModel, torsion_rad: f64, lever: f64, step_s: f64) -> Gear {
         let elastic_nm = model.elastic_nm(torsion_rad);
-        let beside_nm = model.elastic_nm(torsion_rad + PROBE_RAD.copysign(torsion_rad));
-        let stiffness = (beside_nm - elastic_nm).abs() / PROBE_RAD;
+        let stiffness = if model.is_linear() {
+            model.stiffness_nm_rad
+        } else {
+            let beside_nm = model.elastic_nm(torsion_rad + PROBE_RAD.copysign(torsion_rad));
+            (beside_nm - elastic_nm).abs() / PROBE_RAD
+        };
         let rate_rad_s = lever * self.motor_rad_s - self.link_rad_s;
         let damping = model
             .structural_damping
