@@ -122,8 +122,8 @@ fn refit(search: &Search<'_>) -> Result<[f64; 3], Box<dyn Error>> {
             hypothesis,
         });
     let start = Model {
-        known: Vec::new(),
         terms: terms.collect(),
+        ..Model::default()
     };
     let refined = search.refine(&round, &start)?;
     let value = |term: &Term| match term.effect(&search.scale) {

@@ -63,11 +63,7 @@ pub fn baseline(
                 return Ok(insufficient(name, why));
             };
             let search = Search::new(&twin)?;
-            let start = Model {
-                known: vec![0.0; twin.known.len()],
-                terms: Vec::new(),
-            };
-            let round = search.first(&start)?;
+            let round = search.first(&Model::of_settled(&search, &[]))?;
             Ok(told(name, &search, choices(&round, method)))
         })
         .collect::<Result<Vec<_>, FilterError>>()?;

@@ -1,11 +1,11 @@
 //! Explanations that the data cannot tell apart, with the reason.
 
 use crate::evidence::SAME_TORQUE;
-use crate::explain::Step;
 use crate::known::Known;
 use crate::rank::Scored;
 use crate::report::Confusable;
 use crate::stage::Stage;
+use crate::step::Step;
 use crate::tell::{Told, names};
 
 /// Two explanations nearer than this cannot be told apart.

@@ -1,6 +1,7 @@
 //! The whole diagnosis: check the data, explain every joint, look for shared causes, judge, report.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use joint_model::filter::FilterError;
@@ -10,7 +11,7 @@ use robot::{Effect, Robot};
 
 use crate::control;
 use crate::data::{self, Checked};
-use crate::explain::{Explanation, explain};
+use crate::explain::{Beginning, Explanation};
 use crate::hypothesis;
 use crate::judge;
 use crate::mend;
@@ -22,7 +23,7 @@ use crate::report::{
 use crate::samples::{self, Found};
 use crate::scale::Scale;
 use crate::search::{Search, Term};
-use crate::shared::{self, Shared};
+use crate::shared::{self, Seen, Shared};
 use crate::stretch::{StretchError, stretches};
 use crate::tell::{Told, counted_effect};
 use crate::twin::JointTwin;
@@ -124,35 +125,42 @@ pub fn diagnose(
         let (joints, shared) = searched(robot, &twins, counted, &repeated, progress)?;
         report.data.extend(repeated.that_differ());
         let common = shared::common_delay(counted);
-        for (index, joint) in joints.iter().enumerate() {
-            let name = &robot.joints[index].name;
-            let Some((search, explanation)) = joint else {
-                let why = against[index].clone();
-                let why = why.unwrap_or_else(|| "nothing tells the joint's torque".to_owned());
-                report.joints.push(insufficient(name, why));
-                continue;
-            };
-            let seen = shared
-                .iter()
-                .filter(|shared| shared.joints.contains(&index));
-            let told = Told {
-                name,
-                search,
-                explanation,
-                joint: index,
-                counted: &counted[index],
-                shared: seen.collect(),
-                common: common.as_ref(),
-                poverty: checked.poverty(name),
-            };
-            report.joints.push(told.report()?);
-            report.data.extend(repeated.floor(name, search));
-            if told.poverty.is_none() {
-                // at one speed a delay and a zero are the same, and neither would be known to be off
-                let encoders = data::encoders(name, search, &explanation.refined);
-                report.data.extend(encoders);
-            }
-            traces.push(told.traces()?);
+        let told = joints
+            .par_iter()
+            .enumerate()
+            .map(|(index, joint)| {
+                let name = &robot.joints[index].name;
+                let Some((search, explanation)) = joint else {
+                    let why = against[index].clone();
+                    let why = why.unwrap_or_else(|| "nothing tells the joint's torque".to_owned());
+                    return Ok((insufficient(name, why), Vec::new(), None));
+                };
+                let seen = shared
+                    .iter()
+                    .filter(|shared| shared.joints.contains(&index));
+                let told = Told {
+                    name,
+                    search,
+                    explanation,
+                    joint: index,
+                    counted: &counted[index],
+                    shared: seen.collect(),
+                    common: common.as_ref(),
+                    poverty: checked.poverty(name),
+                };
+                let mut findings: Vec<DataFinding> =
+                    repeated.floor(name, search).into_iter().collect();
+                if told.poverty.is_none() {
+                    // at one speed a delay and a zero are the same, and neither would be known to be off
+                    findings.extend(data::encoders(name, search, &explanation.refined));
+                }
+                Ok((told.report()?, findings, Some(told.traces()?)))
+            })
+            .collect::<Result<Vec<_>, FilterError>>()?;
+        for (joint, findings, of_joint) in told {
+            report.joints.push(joint);
+            report.data.extend(findings);
+            traces.extend(of_joint);
         }
         let fitted = shared.iter();
         report.shared_effects = fitted
@@ -190,11 +198,11 @@ impl Prepared {
 pub(crate) fn prepared(
     robot: &Robot,
     tables: &[&Recording],
-    looks_at: impl Fn(usize) -> bool,
+    looks_at: impl Fn(usize) -> bool + Sync,
 ) -> Prepared {
     let counted: Vec<Vec<Found>> = robot
         .joints
-        .iter()
+        .par_iter()
         .enumerate()
         .map(|(index, joint)| {
             if looks_at(index) {
@@ -241,54 +249,84 @@ fn seconds(recording: &Recording) -> f64 {
     ends.map_or(0.0, |(last, first)| last - first)
 }
 
-/// Explains every joint; where several share a cause, explains them again beside it.
+/// Explains every joint, beside a cause that several share.
 fn searched<'a>(
     robot: &Robot,
     twins: &'a [Option<JointTwin<'a>>],
     counted: &[Vec<Found>],
     repeated: &Repeated,
     progress: &(dyn Fn(Progress) + Sync),
-) -> Result<(Vec<Searched<'a>>, Vec<Shared>), FilterError> {
-    let done = std::sync::atomic::AtomicUsize::new(0);
-    let mut joints = twins
+) -> Result<(Vec<Searched<'a>>, Option<Shared>), FilterError> {
+    let beginnings = twins
         .par_iter()
         .zip(counted)
         .zip(&robot.joints)
         .map(|((twin, counted), joint)| {
-            let explained = match twin {
-                Some(twin) => {
-                    let mut search = Search::new(twin)?;
-                    search.repeats_nm = repeated.scatter_nm(&joint.name, &search)?;
-                    let explanation = explain(&search, &settled(counted, &search.scale))?;
-                    Some((search, explanation))
-                }
-                None => None,
+            let Some(twin) = twin else {
+                return Ok(None);
             };
-            let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-            progress(Progress {
-                done,
-                of: twins.len(),
-            });
-            Ok(explained)
+            let mut search = Search::new(twin)?;
+            search.repeats_nm = repeated.scatter_nm(&joint.name, &search)?;
+            let beginning = Beginning::of(&search, &settled(counted, &search.scale))?;
+            Ok(Some((search, beginning)))
         })
         .collect::<Result<Vec<_>, FilterError>>()?;
-    let shared: Vec<Shared> = shared::find(&joints).into_iter().collect();
-    for shared in &shared {
-        joints = joints
-            .into_par_iter()
-            .zip(counted)
-            .map(|(joint, counted)| match joint {
-                Some((search, _)) => {
-                    let mut terms = settled(counted, &search.scale);
-                    terms.push(shared.term.clone());
-                    let explanation = explain(&search, &terms)?;
-                    Ok(Some((search, explanation)))
-                }
-                None => Ok(None),
+    let firsts: Vec<Option<Seen<'_, '_>>> = beginnings
+        .iter()
+        .map(|joint| joint.as_ref().map(|(search, begun)| (search, &begun.first)))
+        .collect();
+    let mut shared = shared::find(&firsts)?;
+    let done = AtomicUsize::new(0);
+    let tell = || {
+        progress(Progress {
+            done: done.fetch_add(1, Ordering::Relaxed) + 1,
+            of: twins.len(),
+        });
+    };
+    let mut explanations = explained(&beginnings, shared.as_ref(), &tell)?;
+    if shared.is_none() {
+        // what a joint has of its own may have hidden what it shares
+        let firsts: Vec<Option<Seen<'_, '_>>> = beginnings
+            .iter()
+            .zip(&explanations)
+            .map(|(joint, explanation)| {
+                let (search, _) = joint.as_ref()?;
+                Some((search, explanation.as_ref()?.rounds.first()?))
             })
-            .collect::<Result<Vec<_>, FilterError>>()?;
+            .collect();
+        shared = shared::find(&firsts)?;
+        if shared.is_some() {
+            explanations = explained(&beginnings, shared.as_ref(), &|| ())?;
+        }
     }
+    let joints = beginnings
+        .into_iter()
+        .zip(explanations)
+        .map(|(joint, explanation)| Some((joint?.0, explanation?)))
+        .collect();
     Ok((joints, shared))
+}
+
+/// Explains every joint from its beginning on, beside what it shares.
+fn explained(
+    beginnings: &[Option<(Search<'_>, Beginning)>],
+    shared: Option<&Shared>,
+    tell: &(dyn Fn() + Sync),
+) -> Result<Vec<Option<Explanation>>, FilterError> {
+    beginnings
+        .par_iter()
+        .map(|joint| {
+            let explained = match (joint, shared) {
+                (Some((search, begun)), Some(shared)) => {
+                    Some(begun.beside(search, &shared.term)?.explain(search)?)
+                }
+                (Some((search, begun)), None) => Some(begun.explain(search)?),
+                (None, _) => None,
+            };
+            tell();
+            Ok(explained)
+        })
+        .collect()
 }
 
 /// What the samples settle already, for the twin.

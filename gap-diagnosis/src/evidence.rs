@@ -165,7 +165,8 @@ fn tempered(gain: f64) -> f64 {
     TEMPER * 0.5 * gain
 }
 
-fn naming(values: usize) -> f64 {
+/// What naming an effect with so many values costs.
+pub(crate) fn naming(values: usize) -> f64 {
     NAMING + VALUE * values.saturating_sub(1) as f64
 }
 

@@ -255,6 +255,7 @@ fn side(effect: &Effect) -> Option<String> {
 pub fn shrink_alone(search: &Search<'_>, refined: &Refined, term: usize, before_nm: &[f64]) -> f64 {
     let alone = Model {
         known: refined.model.known.clone(),
+        settled: Vec::new(),
         terms: vec![refined.model.terms[term].clone()],
     };
     let Ok(after_nm) = search.residual_nm(&alone) else {

@@ -36,6 +36,7 @@ pub mod simulate;
 pub mod smooth;
 pub mod spectrum;
 pub mod stage;
+pub mod step;
 pub mod stretch;
 mod tell;
 pub mod trust;

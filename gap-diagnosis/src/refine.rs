@@ -4,6 +4,7 @@ use joint_model::filter::FilterError;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use crate::evidence::Left;
 use crate::fit::{Blocks, Bound, block_of};
 use crate::rank::Round;
 use crate::search::{Model, PLAUSIBLE_STEPS, Search, difference};
@@ -23,6 +24,18 @@ struct Step {
     columns: Vec<Vec<f64>>,
     bounds: Vec<Bound>,
     prior_means: Vec<f64>,
+}
+
+/// What a joint tells of an effect that it shares with others.
+pub(crate) struct OfSettled {
+    /// Beside the effect as it is.
+    pub left: Left,
+    /// Everything else refitted beside it.
+    pub model: Model,
+    /// Information of the amplitudes.
+    pub matrix: DMatrix<f64>,
+    /// In steps of the amplitudes from where they are.
+    pub vector: DVector<f64>,
 }
 
 /// A model fitted to all rows.
@@ -83,6 +96,49 @@ impl Search<'_> {
             columns,
             bounds,
             prior_means,
+        })
+    }
+
+    /// Refits a model but for what is settled, and finds what the joint then tells of the amplitudes of the effect that was settled last.
+    ///
+    /// # Errors
+    /// [`FilterError`].
+    pub(crate) fn told_of_settled(
+        &self,
+        round: &Round,
+        model: &Model,
+    ) -> Result<OfSettled, FilterError> {
+        let refined = self.refine(round, model)?;
+        let base = self
+            .twin
+            .simulated(&refined.model.changes(&self.scale), None)?;
+        let mut columns = round.linear.known.clone();
+        let mut bounds = self.bounds();
+        let mut prior_means: Vec<f64> = refined.model.known.iter().map(|z| -z).collect();
+        let known: Vec<usize> = (0..columns.len()).collect();
+        let amplitudes = refined
+            .model
+            .settled
+            .last()
+            .map_or(0, |t| t.amplitudes.len());
+        for index in 0..amplitudes {
+            let mut probe = refined.model.clone();
+            if let Some(last) = probe.settled.last_mut() {
+                last.amplitudes[index] += 1.0;
+            }
+            let response = self.twin.simulated(&probe.changes(&self.scale), None)?;
+            columns.push(difference(&response, &base));
+            bounds.push(Bound::FREE);
+            prior_means.push(0.0);
+        }
+        let chosen: Vec<usize> = (known.len()..columns.len()).collect();
+        let blocks = self.blocks(&columns, &refined.residual_nm, &bounds, &prior_means);
+        let (matrix, vector) = blocks.information(&known, &chosen);
+        Ok(OfSettled {
+            left: self.left(&refined.model, &refined.residual_nm),
+            model: refined.model,
+            matrix,
+            vector,
         })
     }
 

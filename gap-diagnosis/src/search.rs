@@ -53,16 +53,32 @@ impl Term {
 pub struct Model {
     /// In standard deviations.
     pub known: Vec<f64>,
+    /// Effects that were found elsewhere, in the samples or with other joints: they are not fitted here.
+    pub settled: Vec<Term>,
     /// Added effects.
     pub terms: Vec<Term>,
 }
 
 impl Model {
+    /// With what is settled, and everything else as the robot file has it.
+    pub fn of_settled(search: &Search<'_>, settled: &[Term]) -> Self {
+        Self {
+            known: vec![0.0; search.twin.known.len()],
+            settled: settled.to_vec(),
+            terms: Vec::new(),
+        }
+    }
+
     /// For the twin.
     pub fn changes(&self, scale: &Scale) -> Changes {
         Changes {
             known: self.known.clone(),
-            effects: self.terms.iter().map(|term| term.effect(scale)).collect(),
+            effects: self
+                .settled
+                .iter()
+                .chain(&self.terms)
+                .map(|term| term.effect(scale))
+                .collect(),
         }
     }
 }

@@ -1,22 +1,31 @@
 //! Effects with one cause that several joints see: payload, tilt of the base, delays of the bus. One set of amplitudes
 //! is fitted to all joints, each with its own known values refitted.
 
+use joint_model::filter::FilterError;
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 use robot::Effect;
 
-use crate::evidence::tempered_nats;
-use crate::explain::Explanation;
+use crate::evidence::{naming, tempered_nats};
 use crate::samples::Found;
-use crate::search::{Search, Term};
+use crate::search::{Model, Search, Term};
+use crate::step::Step;
 
 /// Effects that joints may share.
 const SHARED: [&str; 4] = ["payload", "base_tilt", "command_delay", "sensor_delay"];
 /// Of what the own best explanations of the joints that see it are worth together, a shared one must be worth this part:
 /// one cause is likelier than several.
 const PART: f64 = 0.6;
-
+/// Shared effects that are fitted by simulation, those first that are worth most by their responses.
+const REFITTED: usize = 2;
+/// Steps of the fit by simulation, and squares that one more takes off when it is good enough.
+const REFITS: usize = 4;
+const SETTLED_SQUARE: f64 = 1.0;
 /// Standard errors within which delays of several joints are one.
 const DELAYS_ALIKE_ERRORS: f64 = 2.0;
+
+/// A joint with a step of its explanation, beside which shared effects are sought.
+pub type Seen<'a, 's> = (&'a Search<'s>, &'a Step);
 
 /// A shared effect.
 #[derive(Clone, Debug)]
@@ -29,6 +38,69 @@ pub struct Shared {
     pub probability: f64,
     /// Indices of the joints that see it.
     pub joints: Vec<usize>,
+}
+
+impl Shared {
+    /// Fits the amplitudes by simulation of all joints, each with its own known values refitted: a payload does not respond in
+    /// proportion. Tells what that is worth to each joint, in nats.
+    fn refit(&mut self, joints: &[Option<Seen<'_, '_>>]) -> Result<Vec<f64>, FilterError> {
+        let mut models: Vec<Model> = joints
+            .iter()
+            .map(|seen| seen.map_or_else(Model::default, |(_, step)| step.base.model.clone()))
+            .collect();
+        for model in &mut models {
+            model.settled.push(self.term.clone());
+        }
+        let mut nats = vec![0.0; joints.len()];
+        for pass in 0..REFITS {
+            let told = joints
+                .par_iter()
+                .zip(&models)
+                .map(|(seen, model)| {
+                    let Some((search, step)) = seen else {
+                        return Ok(None);
+                    };
+                    let told = search.told_of_settled(&step.round, model)?;
+                    Ok(Some((step.worth(search, told.left), told)))
+                })
+                .collect::<Result<Vec<_>, FilterError>>()?;
+            let count = self.term.amplitudes.len();
+            let mut matrix = DMatrix::zeros(count, count);
+            let mut vector = DVector::zeros(count);
+            for (joint, told) in told.into_iter().enumerate() {
+                if let Some((worth, told)) = told {
+                    nats[joint] = worth;
+                    models[joint] = told.model;
+                    matrix += told.matrix;
+                    vector += told.vector;
+                }
+            }
+            let Some(inverse) = inverse(&matrix) else {
+                break;
+            };
+            let steps = &inverse * &vector;
+            self.covariance = inverse;
+            if vector.dot(&steps) < SETTLED_SQUARE || pass + 1 == REFITS {
+                break;
+            }
+            for (amplitude, step) in self.term.amplitudes.iter_mut().zip(steps.iter()) {
+                *amplitude += step;
+                if self.term.hypothesis.is_positive() {
+                    *amplitude = amplitude.max(0.0);
+                }
+            }
+            for model in &mut models {
+                model.settled.pop();
+                model.settled.push(self.term.clone());
+            }
+        }
+        Ok(nats)
+    }
+}
+
+fn inverse(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let ridge = DMatrix::from_diagonal(&matrix.diagonal().map(|own| 1e-9 * own + 1e-12));
+    Some((matrix + ridge).cholesky()?.inverse())
 }
 
 /// A delay that the samples of several joints show alike.
@@ -83,63 +155,57 @@ pub fn common_delay(counted: &[Vec<Found>]) -> Option<CommonDelay> {
 }
 
 /// The shared effect that explains several joints better than each its own, if there is one.
-pub fn find(joints: &[Option<(Search<'_>, Explanation)>]) -> Option<Shared> {
-    let there: Vec<(usize, &Explanation)> = joints
+///
+/// # Errors
+/// [`FilterError`].
+pub fn find(joints: &[Option<Seen<'_, '_>>]) -> Result<Option<Shared>, FilterError> {
+    let own: Vec<f64> = joints
         .iter()
-        .enumerate()
-        .filter_map(|(index, joint)| Some((index, &joint.as_ref()?.1)))
+        .map(|joint| {
+            joint
+                .as_ref()
+                .map_or(0.0, |(_, own)| best_nats(own).max(0.0))
+        })
         .collect();
-    if there.len() < 2 {
-        return None;
+    if own.iter().filter(|nats| **nats > 0.0).count() < 2 {
+        return Ok(None);
     }
-    let own_nats = |(_, explanation): &(usize, &Explanation)| best_nats(explanation).max(0.0);
-    if there.iter().filter(|joint| own_nats(joint) > 0.0).count() < 2 {
-        return None;
-    }
-    let mut best: Option<(f64, f64, Shared)> = None;
-    for effect in SHARED {
-        let Some((nats, shared)) = fit(effect, &there) else {
-            continue;
-        };
+    let fits = SHARED.iter().filter_map(|effect| fit(effect, joints));
+    let mut fits: Vec<(f64, Shared)> = fits.filter(|(nats, _)| *nats > 0.0).collect();
+    fits.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut best: Option<(f64, Shared)> = None;
+    for (_, mut shared) in fits.into_iter().take(REFITTED) {
+        let worth = shared.refit(joints)?;
+        let seeing = (0..joints.len()).filter(|joint| worth[*joint] > naming(1));
+        shared.joints = seeing.collect();
+        let nats = worth.iter().sum::<f64>() - naming(shared.term.amplitudes.len());
         // what joints have that do not see it does not speak against it
-        let seeing = there
-            .iter()
-            .filter(|(index, _)| shared.joints.contains(index));
-        let ahead = nats - PART * seeing.map(own_nats).sum::<f64>();
-        if ahead > 0.0 && best.as_ref().is_none_or(|(most, ..)| nats > *most) {
-            best = Some((nats, ahead, shared));
+        let ahead = nats - PART * shared.joints.iter().map(|joint| own[*joint]).sum::<f64>();
+        shared.probability = 1.0 / (1.0 + (-ahead).exp());
+        let is_best = best.as_ref().is_none_or(|(most, _)| nats > *most);
+        if ahead > 0.0 && shared.joints.len() > 1 && is_best {
+            best = Some((nats, shared));
         }
     }
-    let (_, ahead, mut shared) = best?;
-    shared.probability = 1.0 / (1.0 + (-ahead).exp());
-    Some(shared)
+    Ok(best.map(|(_, shared)| shared))
 }
 
-fn best_nats(explanation: &Explanation) -> f64 {
-    explanation
-        .rounds
-        .first()
-        .and_then(|step| step.standings.effects.first())
-        .map_or(0.0, |(_, nats)| *nats)
+fn best_nats(step: &Step) -> f64 {
+    let best = step.standings.effects.first();
+    best.map_or(0.0, |(_, nats)| *nats)
 }
 
-fn fit(effect: &str, joints: &[(usize, &Explanation)]) -> Option<(f64, Shared)> {
+/// Fitted to responses.
+fn fit(effect: &str, joints: &[Option<Seen<'_, '_>>]) -> Option<(f64, Shared)> {
     let mut sum: Option<(DMatrix<f64>, DVector<f64>)> = None;
-    let mut seen = Vec::new();
     let mut hypothesis = None;
-    for (index, explanation) in joints {
-        let round = &explanation.rounds.first()?.round;
-        let Some(scored) = round
-            .ranking
-            .scored
-            .iter()
-            .find(|scored| scored.hypothesis.effect == effect)
-        else {
+    for (_, Step { round, .. }) in joints.iter().flatten() {
+        let mut scored = round.ranking.scored.iter();
+        let Some(scored) = scored.find(|scored| scored.hypothesis.effect == effect) else {
             continue;
         };
         hypothesis = Some(scored.hypothesis.clone());
         let (matrix, vector) = round.information(scored);
-        seen.push((*index, matrix.clone(), vector.clone()));
         sum = Some(match sum {
             Some((a, b)) => (a + matrix, b + vector),
             None => (matrix, vector),
@@ -147,26 +213,12 @@ fn fit(effect: &str, joints: &[(usize, &Explanation)]) -> Option<(f64, Shared)> 
     }
     let (matrix, vector) = sum?;
     let hypothesis = hypothesis?;
-    let count = vector.len();
-    let ridge = DMatrix::from_diagonal(&matrix.diagonal().map(|own| 1e-9 * own + 1e-12));
-    let inverse = (matrix + ridge).cholesky()?.inverse();
+    let inverse = inverse(&matrix)?;
     let mut amplitudes = &inverse * &vector;
     if hypothesis.is_positive() {
         amplitudes.apply(|a| *a = a.max(0.0));
     }
-    let gained = |matrix: &DMatrix<f64>, vector: &DVector<f64>| {
-        2.0 * amplitudes.dot(vector) - amplitudes.dot(&(matrix * &amplitudes))
-    };
-    let each: Vec<(usize, f64)> = seen
-        .iter()
-        .map(|(index, matrix, vector)| (*index, gained(matrix, vector)))
-        .collect();
-    let nats = tempered_nats(each.iter().map(|(_, gain)| gain).sum(), count);
-    let joints = each
-        .iter()
-        .filter(|(_, gain)| tempered_nats(*gain, 1) > 0.0)
-        .map(|(index, _)| *index)
-        .collect::<Vec<_>>();
+    let gain = 2.0 * amplitudes.dot(&vector) - amplitudes.dot(&(matrix * &amplitudes));
     let shared = Shared {
         term: Term {
             hypothesis,
@@ -174,9 +226,9 @@ fn fit(effect: &str, joints: &[(usize, &Explanation)]) -> Option<(f64, Shared)> 
         },
         covariance: inverse,
         probability: 0.0,
-        joints,
+        joints: Vec::new(),
     };
-    (nats > 0.0 && shared.joints.len() > 1).then_some((nats, shared))
+    Some((tempered_nats(gain, vector.len()), shared))
 }
 
 #[cfg(test)]

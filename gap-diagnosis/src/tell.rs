@@ -8,7 +8,7 @@ use robot::Effect;
 use crate::confuse;
 use crate::diagnose::JointTraces;
 use crate::evidence::{Remains, most_left};
-use crate::explain::{Explanation, Step};
+use crate::explain::Explanation;
 use crate::judge;
 use crate::observe::Channel;
 use crate::place;
@@ -19,6 +19,7 @@ use crate::samples::Found;
 use crate::search::{Model, Search};
 use crate::shared::{CommonDelay, Shared};
 use crate::stage::Stage;
+use crate::step::Step;
 
 /// Probability of what was counted in the samples.
 const COUNTED: f64 = 0.97;
@@ -89,11 +90,10 @@ impl Told<'_> {
 
     fn effects(&self, before_nm: &[f64], covariance: &nalgebra::DMatrix<f64>) -> Vec<NamedEffect> {
         let refined = &self.explanation.refined;
-        let settled = refined.model.terms.len() - self.added().count();
         let mut effects: Vec<NamedEffect> = self
             .added()
-            .zip(settled..)
-            .map(|(step, term)| {
+            .enumerate()
+            .map(|(term, step)| {
                 let name = refined.model.terms[term].hypothesis.effect;
                 let (parameters, side) = judge::parameters(self.search, refined, covariance, term);
                 NamedEffect {

@@ -1,0 +1,259 @@
+//! One step of an explanation: every effect beside a model, the leading ones fitted by simulation.
+
+use joint_model::filter::FilterError;
+use rayon::prelude::*;
+
+use crate::evidence::{Left, Probability, Simulated, Standings, standings, together, variance_of};
+use crate::judge::Squares;
+use crate::rank::{ALIKE, Round};
+use crate::refine::Refined;
+use crate::search::{Model, Search, Term};
+use crate::trust::Trust;
+
+/// Effects that are fitted by simulation, not only by their linear response, before one is chosen.
+const REFITTED: usize = 4;
+/// Nats within which another effect is refitted too, and the part of the best one's if that is more: strong effects do
+/// not respond in proportion.
+const NEAR_NATS: f64 = 30.0;
+const NEAR_PART: f64 = 0.5;
+/// Effects of the gear's twist: what it does at large torques says little of small ones, so that linear responses do not tell
+/// which of them it is.
+pub(crate) const TWIST: [&str; 3] = ["torsional_compliance", "soft_windup", "backlash"];
+
+/// One step of the search.
+#[derive(Clone, Debug)]
+pub struct Step {
+    /// Everything that was tried.
+    pub round: Round,
+    /// What it was worth.
+    pub standings: Standings,
+    /// As probabilities, most probable first.
+    pub probabilities: Vec<Probability>,
+    /// Effect that was added.
+    pub added: Option<&'static str>,
+    /// The model that effects were tried beside, known values fitted.
+    pub base: Refined,
+    /// What torques of no named law would be worth: over what, and nats beyond those of a good twin.
+    pub structure: Vec<(&'static str, f64)>,
+    /// The leading effects, fitted by simulation, best first.
+    pub(crate) refitted: Vec<Refitted>,
+    /// What the best of them is worth.
+    pub best_nats: f64,
+}
+
+/// An effect fitted by simulation.
+#[derive(Clone, Debug)]
+pub(crate) struct Refitted {
+    pub effect: &'static str,
+    pub nats: f64,
+    pub refined: Refined,
+}
+
+impl Refitted {
+    /// Whether the effect that this adds to a model repeats as often as another one that is in it already.
+    pub fn is_companion(&self, before: &Model) -> bool {
+        let Some(added) = self.refined.model.terms.last() else {
+            return false;
+        };
+        before.terms.iter().any(|term| {
+            let cycles = [term, added].map(|term| term.hypothesis.shape.first().copied());
+            let alike = match cycles {
+                [Some(a), Some(b)] => (a / b - 1.0).abs() < ALIKE,
+                _ => false,
+            };
+            alike && term.hypothesis.is_periodic() && added.hypothesis.is_periodic()
+        })
+    }
+}
+
+impl Step {
+    /// Refits the leading effects by simulation, and lets that decide among them.
+    pub(crate) fn new(
+        search: &Search<'_>,
+        round: Round,
+        base: &Refined,
+    ) -> Result<Self, FilterError> {
+        Self::beside(search, round, base, None)
+    }
+
+    /// The same, with an effect among them that was there before, the last one of a model.
+    pub(crate) fn beside(
+        search: &Search<'_>,
+        round: Round,
+        base: &Refined,
+        before: Option<&Model>,
+    ) -> Result<Self, FilterError> {
+        let mut standings = standings(&round.ranking);
+        let best_nats = standings.effects.first().map_or(0.0, |(_, nats)| *nats);
+        let mut refitted = Vec::new();
+        let of = |index: usize| &round.ranking.scored[index];
+        let mut leading: Vec<usize> = standings
+            .effects
+            .iter()
+            .take(REFITTED)
+            .filter(|(_, nats)| {
+                let near = NEAR_NATS.max(NEAR_PART * best_nats);
+                *nats > (best_nats - near).max(-NEAR_NATS / 3.0)
+            })
+            .map(|(index, _)| *index)
+            .filter(|index| of(*index).size_nm > 0.0)
+            .collect();
+        let is_twist = |index: usize| TWIST.contains(&of(index).hypothesis.effect);
+        if leading.iter().any(|index| is_twist(*index)) {
+            let all = standings.effects.iter().map(|(index, _)| *index);
+            let others: Vec<usize> = all
+                .filter(|index| is_twist(*index) && !leading.contains(index))
+                .collect();
+            leading.extend(others);
+        }
+        let mut starts: Vec<(usize, Model)> = leading
+            .into_par_iter()
+            .map(|index| {
+                let scored = of(index);
+                let mut model = base.model.clone();
+                model.terms.push(Term {
+                    hypothesis: scored.hypothesis.clone(),
+                    amplitudes: scored.amplitudes.clone(),
+                });
+                Ok((index, search.nearer(model)?))
+            })
+            .collect::<Result<_, FilterError>>()?;
+        if let Some((index, model)) = before.and_then(|model| {
+            let effect = model.terms.last()?.hypothesis.effect;
+            let mut effects = standings.effects.iter();
+            let own = effects.find(|(i, _)| round.ranking.scored[*i].hypothesis.effect == effect);
+            Some((own?.0, model))
+        }) {
+            // where it ended is a better start than its response
+            starts.retain(|(other, _)| *other != index);
+            starts.push((index, model.clone()));
+        }
+        let ends = starts
+            .par_iter()
+            .map(|(_, model)| search.refine(&round, model))
+            .collect::<Result<Vec<_>, FilterError>>()?;
+        for ((index, _), refined) in starts.into_iter().zip(ends) {
+            let left = search.left(&refined.model, &refined.residual_nm);
+            // a joint that runs away in simulation explains nothing
+            if left.total().is_finite() {
+                refitted.push((index, left, refined));
+            }
+        }
+        let simulated: Vec<Simulated> = refitted
+            .iter()
+            .map(|(index, left, refined)| Simulated {
+                index: *index,
+                left: *left,
+                certainty: search.certainty(refined),
+            })
+            .collect();
+        let base = best_base(search, &round, base, &refitted)?;
+        let of_any_shape = Trust::of(search.twin.joints()).of_any_shape;
+        let structure = if is_beyond(search, &base.residual_nm, of_any_shape) {
+            search.structure(&round, &base)
+        } else {
+            Vec::new()
+        };
+        let without = search.left(&base.model, &base.residual_nm);
+        standings.refit(&round.ranking, without, &simulated);
+        let mut refitted: Vec<Refitted> = refitted
+            .into_iter()
+            .map(|(index, _, refined)| Refitted {
+                effect: round.ranking.scored[index].hypothesis.effect,
+                nats: standings.nats_of(index),
+                refined,
+            })
+            .collect();
+        refitted.sort_by(|a, b| b.nats.total_cmp(&a.nats).then(a.effect.cmp(b.effect)));
+        Ok(Self {
+            best_nats: refitted.first().map_or(0.0, |best| best.nats),
+            base,
+            structure,
+            probabilities: standings.probabilities(&round.ranking),
+            standings,
+            round,
+            refitted,
+            added: None,
+        })
+    }
+
+    /// What an explanation is worth that leaves so much, in nats, before the cost of its names.
+    pub(crate) fn worth(&self, search: &Search<'_>, left: Left) -> f64 {
+        let without = search.left(&self.base.model, &self.base.residual_nm);
+        let ranking = &self.round.ranking;
+        let variance = variance_of(ranking, left.square.min(without.square));
+        together(ranking, [without, left], variance, [])
+    }
+
+    /// Of an effect or of none, among those beside this model.
+    pub fn probability_of(&self, effect: &str) -> f64 {
+        let mut probabilities = self.probabilities.iter();
+        probabilities
+            .find(|p| p.effect == effect)
+            .map_or(0.0, |p| p.probability)
+    }
+
+    /// The step, with what was added.
+    pub(crate) fn with(mut self, best: &Refitted) -> Self {
+        self.added = Some(best.effect);
+        self.best_nats = best.nats;
+        self
+    }
+
+    /// The step, with no effect worth naming.
+    pub(crate) fn unnamed(mut self) -> Self {
+        // what comes nearest still says where to look
+        let mut standings = self.standings.clone();
+        standings.quiet();
+        self.probabilities = standings.probabilities(&self.round.ranking);
+        self
+    }
+
+    /// Nothing beyond noise: no explanation is worth naming.
+    pub(crate) fn quiet(round: Round, base: &Refined) -> Self {
+        let mut standings = standings(&round.ranking);
+        standings.quiet();
+        Self {
+            best_nats: 0.0,
+            base: base.clone(),
+            structure: Vec::new(),
+            probabilities: standings.probabilities(&round.ranking),
+            standings,
+            round,
+            refitted: Vec::new(),
+            added: None,
+        }
+    }
+}
+
+/// The base, or a better fit of it: an effect that is not there may still have led its fit to better known values.
+fn best_base(
+    search: &Search<'_>,
+    round: &Round,
+    base: &Refined,
+    refitted: &[(usize, Left, Refined)],
+) -> Result<Refined, FilterError> {
+    let mut best = base.clone();
+    let mut least = search.objective(&best.model, &best.residual_nm);
+    for (_, left, refined) in refitted {
+        let mut stripped = refined.model.clone();
+        stripped.terms.pop();
+        if left.total() >= least {
+            continue;
+        }
+        let residual_nm = search.residual_nm(&stripped)?;
+        if search.objective(&stripped, &residual_nm) < least {
+            best = search.refine(round, &stripped)?;
+            least = search.objective(&best.model, &best.residual_nm);
+        }
+    }
+    Ok(best)
+}
+
+/// Whether any channel shows more than so many times noise and the twin's own errors, as squares.
+pub(crate) fn is_beyond(search: &Search<'_>, residual_nm: &[f64], times: f64) -> bool {
+    search.twin.channels.iter().any(|&channel| {
+        let square = Squares::of(search, residual_nm, channel).mean();
+        square > times * search.twin_floor_nm(channel).powi(2)
+    })
+}
