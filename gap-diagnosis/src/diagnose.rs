@@ -12,6 +12,7 @@ use robot::{Effect, Robot};
 use crate::control;
 use crate::data::{self, Checked};
 use crate::explain::{Beginning, Explanation};
+use crate::found::Found;
 use crate::hypothesis;
 use crate::judge;
 use crate::mend;
@@ -20,7 +21,7 @@ use crate::report::{
     Candidate, DataFinding, Gap, JointReport, NamedEffect, Remaining, Report, SCHEMA, SharedEffect,
     TwinKind, Verdict, Where,
 };
-use crate::samples::{self, Found};
+use crate::samples;
 use crate::scale::Scale;
 use crate::search::{Search, Term};
 use crate::shared::{self, Seen, Shared};

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use recording::{JointColumns, Signal};
 use robot::Effect;
 
-use crate::samples::{Found, ROWS_MIN};
+use crate::found::{Found, ROWS_MIN};
 
 /// Samples over which the drive's response is sought.
 const TAPS: usize = 64;

@@ -11,6 +11,7 @@ pub mod evidence;
 pub mod explain;
 pub mod fit;
 mod follow;
+pub mod found;
 pub mod hypothesis;
 pub mod joint;
 pub mod judge;

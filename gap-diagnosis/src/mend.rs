@@ -6,7 +6,7 @@ use recording::{JointColumns, Recording, Signal};
 use robot::{Effect, EncoderSide, Robot};
 
 use crate::follow::weights_of_commands;
-use crate::samples::Found;
+use crate::found::Found;
 
 /// Signals that a lost sample repeats.
 const MEASURED: [Signal; 4] = [

@@ -5,11 +5,10 @@ use recording::{JointColumns, Recording, Signal};
 use robot::{Control, Effect, EncoderSide, RobotJoint};
 
 use crate::follow::{Response, pairs, slow_drive};
+use crate::found::{Found, ROWS_MIN};
 
 /// A position that stays although the joint should have moved by so many steps of its encoder was not measured.
 const STEPS_MOVED: f64 = 3.0;
-/// Fewer rows than this tell no fraction.
-pub(crate) const ROWS_MIN: usize = 200;
 /// Losses below this part are a recorder's hiccup.
 const LOST_MIN: f64 = 0.002;
 /// A step coarser than the file's by this factor is another encoder.
@@ -24,17 +23,6 @@ const NEAR_STEP: f64 = 0.25;
 const EITHER: f64 = 0.8;
 /// Standard errors that a finding is away from nothing.
 const SURE: f64 = 5.0;
-
-/// An effect found in samples.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Found {
-    /// With the value found.
-    pub effect: Effect,
-    /// Standard error of that value.
-    pub std: f64,
-    /// The count or measurement that decided, in one sentence.
-    pub because: String,
-}
 
 /// What the samples of one joint show, over all recordings. Where the robot file tells of no feedback there is no
 /// velocity filter that could be slower than told.

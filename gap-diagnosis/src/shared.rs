@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use robot::Effect;
 
 use crate::evidence::{naming, tempered_nats};
-use crate::samples::Found;
+use crate::found::Found;
 use crate::search::{Model, Search, Term};
 use crate::step::Step;
 

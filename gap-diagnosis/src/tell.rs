@@ -9,13 +9,13 @@ use crate::confuse;
 use crate::diagnose::JointTraces;
 use crate::evidence::{Remains, most_left};
 use crate::explain::Explanation;
+use crate::found::Found;
 use crate::judge;
 use crate::observe::Channel;
 use crate::place;
 use crate::report::{
     Candidate, Confusable, Gap, JointReport, NamedEffect, Remaining, Verdict, Where,
 };
-use crate::samples::Found;
 use crate::search::{Model, Search};
 use crate::shared::{CommonDelay, Shared};
 use crate::stage::Stage;
