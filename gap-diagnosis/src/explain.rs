@@ -310,7 +310,7 @@ impl Growing<'_, '_> {
     /// The best effect of a step that is worth being added. Several that are alike may only together outweigh none.
     fn best(&self, step: &Step) -> Option<Refitted> {
         let is_gap = self.added.is_empty() && step.probability_of("none") < 0.5;
-        let mut refitted = step.refitted.iter();
+        let mut refitted = step.refitted.iter().filter(|best| !best.is_named_before());
         refitted
             .find(|best| is_gap || best.nats >= self.worth(best))
             .cloned()

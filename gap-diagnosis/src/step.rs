@@ -3,7 +3,9 @@
 use joint_model::filter::FilterError;
 use rayon::prelude::*;
 
-use crate::evidence::{Left, Probability, Simulated, Standings, standings, together, variance_of};
+use crate::evidence::{
+    Left, Probability, SAME_TORQUE, Simulated, Standings, standings, together, variance_of,
+};
 use crate::judge::Squares;
 use crate::rank::{ALIKE, Round};
 use crate::refine::Refined;
@@ -50,6 +52,25 @@ pub(crate) struct Refitted {
 }
 
 impl Refitted {
+    /// Whether the effect that this adds to a model is in it already, or one that adds the same torque. What repeats with an angle
+    /// may do so at several cycles.
+    pub fn is_named_before(&self) -> bool {
+        let model = &self.refined.model;
+        let Some((added, before)) = model.terms.split_last() else {
+            return false;
+        };
+        let added = &added.hypothesis;
+        let mut names = before
+            .iter()
+            .chain(&model.settled)
+            .map(|term| term.hypothesis.effect);
+        !added.is_periodic()
+            && names.any(|name| {
+                let is_same_torque = |name: &str| SAME_TORQUE.contains(&name);
+                name == added.effect || is_same_torque(name) && is_same_torque(added.effect)
+            })
+    }
+
     /// Whether the effect that this adds to a model repeats as often as another one that is in it already.
     pub fn is_companion(&self, before: &Model) -> bool {
         let Some(added) = self.refined.model.terms.last() else {
