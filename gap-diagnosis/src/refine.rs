@@ -4,7 +4,6 @@ use joint_model::filter::FilterError;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::evidence::Left;
 use crate::fit::{Blocks, Bound, block_of};
 use crate::rank::Round;
 use crate::search::{Model, PLAUSIBLE_STEPS, Search, difference};
@@ -28,10 +27,8 @@ struct Step {
 
 /// What a joint tells of an effect that it shares with others.
 pub(crate) struct OfSettled {
-    /// Beside the effect as it is.
-    pub left: Left,
-    /// Everything else refitted beside it.
-    pub model: Model,
+    /// Everything else refitted beside the effect as it is.
+    pub refined: Refined,
     /// Information of the amplitudes.
     pub matrix: DMatrix<f64>,
     /// In steps of the amplitudes from where they are.
@@ -135,8 +132,7 @@ impl Search<'_> {
         let blocks = self.blocks(&columns, &refined.residual_nm, &bounds, &prior_means);
         let (matrix, vector) = blocks.information(&known, &chosen);
         Ok(OfSettled {
-            left: self.left(&refined.model, &refined.residual_nm),
-            model: refined.model,
+            refined,
             matrix,
             vector,
         })

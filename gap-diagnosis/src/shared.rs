@@ -6,8 +6,9 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use robot::Effect;
 
-use crate::evidence::{naming, tempered_nats};
+use crate::evidence::{Remains, naming, remains, tempered_nats};
 use crate::found::Found;
+use crate::refine::Refined;
 use crate::search::{Model, Search, Term};
 use crate::step::Step;
 
@@ -42,8 +43,11 @@ pub struct Shared {
 
 impl Shared {
     /// Fits the amplitudes by simulation of all joints, each with its own known values refitted: a payload does not respond in
-    /// proportion. Tells what that is worth to each joint, in nats.
-    fn refit(&mut self, joints: &[Option<Seen<'_, '_>>]) -> Result<Vec<f64>, FilterError> {
+    /// proportion. Tells what that is worth to each joint, in nats, and how each is then fitted.
+    fn refit(
+        &mut self,
+        joints: &[Option<Seen<'_, '_>>],
+    ) -> Result<Vec<Option<(f64, Refined)>>, FilterError> {
         let mut models: Vec<Model> = joints
             .iter()
             .map(|seen| seen.map_or_else(Model::default, |(_, step)| step.base.model.clone()))
@@ -51,7 +55,7 @@ impl Shared {
         for model in &mut models {
             model.settled.push(self.term.clone());
         }
-        let mut nats = vec![0.0; joints.len()];
+        let mut fitted = vec![None; joints.len()];
         for pass in 0..REFITS {
             let told = joints
                 .par_iter()
@@ -61,7 +65,7 @@ impl Shared {
                         return Ok(None);
                     };
                     let told = search.told_of_settled(&step.round, model)?;
-                    Ok(Some((step.worth(search, told.left), told)))
+                    Ok(Some((step.worth(search, &told.refined), told)))
                 })
                 .collect::<Result<Vec<_>, FilterError>>()?;
             let count = self.term.amplitudes.len();
@@ -69,10 +73,10 @@ impl Shared {
             let mut vector = DVector::zeros(count);
             for (joint, told) in told.into_iter().enumerate() {
                 if let Some((worth, told)) = told {
-                    nats[joint] = worth;
-                    models[joint] = told.model;
+                    models[joint].clone_from(&told.refined.model);
                     matrix += told.matrix;
                     vector += told.vector;
+                    fitted[joint] = Some((worth, told.refined));
                 }
             }
             let Some(inverse) = inverse(&matrix) else {
@@ -94,7 +98,7 @@ impl Shared {
                 model.settled.push(self.term.clone());
             }
         }
-        Ok(nats)
+        Ok(fitted)
     }
 }
 
@@ -175,7 +179,11 @@ pub fn find(joints: &[Option<Seen<'_, '_>>]) -> Result<Option<Shared>, FilterErr
     fits.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut best: Option<(f64, Shared)> = None;
     for (_, mut shared) in fits.into_iter().take(REFITTED) {
-        let worth = shared.refit(joints)?;
+        let fitted = shared.refit(joints)?;
+        let worth: Vec<f64> = fitted
+            .iter()
+            .map(|fit| fit.as_ref().map_or(0.0, |(worth, _)| *worth))
+            .collect();
         let seeing = (0..joints.len()).filter(|joint| worth[*joint] > naming(1));
         shared.joints = seeing.collect();
         let nats = worth.iter().sum::<f64>() - naming(shared.term.amplitudes.len());
@@ -184,7 +192,17 @@ pub fn find(joints: &[Option<Seen<'_, '_>>]) -> Result<Option<Shared>, FilterErr
         shared.probability = 1.0 / (1.0 + (-ahead).exp());
         let is_best = best.as_ref().is_none_or(|(most, _)| nats > *most);
         if ahead > 0.0 && shared.joints.len() > 1 && is_best {
-            best = Some((nats, shared));
+            // names that leave most of it would be wrong names
+            let imitated = shared.joints.par_iter().filter(|joint| {
+                let fit = joints[**joint].zip(fitted[**joint].as_ref());
+                fit.is_some_and(|((search, step), (worth, refined))| {
+                    let structure = search.structure(&step.round, refined);
+                    remains(&structure, *worth) == Remains::Most
+                })
+            });
+            if 2 * imitated.count() < shared.joints.len() {
+                best = Some((nats, shared));
+            }
         }
     }
     Ok(best.map(|(_, shared)| shared))

@@ -198,9 +198,10 @@ impl Step {
         })
     }
 
-    /// What an explanation is worth that leaves so much, in nats, before the cost of its names.
-    pub(crate) fn worth(&self, search: &Search<'_>, left: Left) -> f64 {
-        let without = search.left(&self.base.model, &self.base.residual_nm);
+    /// What another model is worth, in nats, before the cost of its names.
+    pub(crate) fn worth(&self, search: &Search<'_>, refined: &Refined) -> f64 {
+        let [without, left] =
+            [&self.base, refined].map(|of| search.left(&of.model, &of.residual_nm));
         let ranking = &self.round.ranking;
         let variance = variance_of(ranking, left.square.min(without.square));
         together(ranking, [without, left], variance, [])
