@@ -355,24 +355,26 @@ mod tests {
         assert!((found_hz / cutoff_hz - 1.0).abs() < 0.2, "{found_hz}");
     }
 
-    #[test]
-    fn steps_that_the_drive_left_out_are_counted() {
-        let command = command();
-        let mut torque = vec![0.0; 20_000];
-        let lost = |k: usize| k % 50 == 7;
-        for k in 1..20_000 {
-            torque[k] = if lost(k) {
+    /// A drive that follows a command a sample later, but for those it loses.
+    fn losing(command: Vec<f64>, is_lost: impl Fn(usize) -> bool) -> JointColumns {
+        let mut torque = vec![0.0; command.len()];
+        for k in 1..command.len() {
+            torque[k] = if is_lost(k) {
                 torque[k - 1]
             } else {
                 command[k - 1]
             };
         }
-        let joint = columns(vec![
+        columns(vec![
             (Signal::CommandTorqueNm, command),
             (Signal::MotorTorqueNm, torque),
-        ]);
-        let columns = [&joint];
-        let found = lost_commands(&columns, 1e-3, 0).unwrap();
+        ])
+    }
+
+    #[test]
+    fn steps_that_the_drive_left_out_are_counted() {
+        let joint = losing(command(), |k| k % 50 == 7);
+        let found = lost_commands(&[&joint], 1e-3, 0).unwrap();
         let Effect::DroppedCommands { fraction } = found.effect else {
             panic!("{found:?}");
         };
@@ -382,21 +384,9 @@ mod tests {
     #[test]
     fn a_drive_that_leaves_out_half_of_its_commands_is_not_slow() {
         let command = command();
-        let mut torque = vec![0.0; 20_000];
         // digits that have nothing to do with the command's steps
         let digits: Vec<f64> = command.iter().map(|u| (u * 1e6).abs().fract()).collect();
-        let is_lost = |k: usize| digits[(k * 7 + 5) % 20_000] < 0.5;
-        for k in 1..20_000 {
-            torque[k] = if is_lost(k) {
-                torque[k - 1]
-            } else {
-                command[k - 1]
-            };
-        }
-        let joint = columns(vec![
-            (Signal::CommandTorqueNm, command),
-            (Signal::MotorTorqueNm, torque),
-        ]);
+        let joint = losing(command, |k| digits[(k * 7 + 5) % 20_000] < 0.5);
         let found = lost_commands(&[&joint], 1e-3, 0).unwrap();
         let Effect::DroppedCommands { fraction } = found.effect else {
             panic!("{found:?}");
