@@ -4,8 +4,10 @@
 use joint_model::filter::{Butterworth, FilterError};
 use robot::{Control, Robot};
 
-use crate::simulate::{Feedback, Way};
+use crate::simulate::{Between, Feedback, Way};
 
+/// A loop is faster than the recording if its rate is higher by this factor.
+const FASTER: f64 = 1.5;
 /// Bandwidth of the gains that keep a simulation on the recorded motion.
 const TRACKING_RAD_S: f64 = 80.0;
 /// Of the sample rate, where that is low.
@@ -31,10 +33,29 @@ pub fn told(robot: &Robot, joint: usize, rate_hz: f64) -> Result<Option<Feedback
         .transpose()
 }
 
+/// Whether the loop sent commands between two rows of the recording.
+pub(crate) fn is_slower_than_loop(control: &Control, rate_hz: f64) -> bool {
+    control.rate_hz > FASTER * rate_hz
+}
+
+/// What a recorded torque did until the next.
+pub(crate) fn between(robot: &Robot, rate_hz: f64) -> Between {
+    match &robot.control {
+        Some(control) if is_slower_than_loop(control, rate_hz) => Between::Line,
+        _ => Between::Stays,
+    }
+}
+
 /// Samples from a measurement to the beginning of its command.
 pub fn delay_samples(robot: &Robot, rate_hz: f64) -> f64 {
     robot.control.as_ref().map_or(0.0, |control| {
-        f64::from(control.delay_cycles) * (rate_hz / control.rate_hz).min(1.0)
+        // a command that stays for a cycle of a faster loop comes half a cycle late, beside a straight line
+        let held = if is_slower_than_loop(control, rate_hz) {
+            0.5
+        } else {
+            0.0
+        };
+        (f64::from(control.delay_cycles) + held) * (rate_hz / control.rate_hz).min(1.0)
     })
 }
 

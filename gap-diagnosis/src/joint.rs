@@ -361,6 +361,15 @@ impl JointModel {
         }
     }
 
+    /// What the motor's encoder shows beyond the motor's angle, joint side.
+    pub(crate) fn motor_fault_rad(&self, motor_rad: f64) -> f64 {
+        if self.motor_eccentricity.is_empty() {
+            return self.encoder_offset_rad;
+        }
+        let ratio = self.gear_ratio;
+        self.encoder_offset_rad + sum(&self.motor_eccentricity, motor_rad * ratio) / ratio
+    }
+
     /// Whether the gear's spring is a straight line.
     pub(crate) fn is_linear(&self) -> bool {
         self.soft_windup.is_none() && self.backlash.gap_rad == 0.0

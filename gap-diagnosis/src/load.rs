@@ -159,6 +159,28 @@ impl Motion {
         })
     }
 
+    /// Takes one joint's motion from another measurement of its position.
+    ///
+    /// # Errors
+    /// [`FilterError`] if the rate is no rate.
+    pub fn set(&mut self, joint: usize, position_rad: &[f64]) -> Result<(), FilterError> {
+        let of_joint = Self::of(&[position_rad.to_vec()], self.rate_hz)?;
+        let first = |mut columns: Vec<Vec<f64>>| columns.swap_remove(0);
+        self.position_rad[joint] = first(of_joint.position_rad);
+        self.velocity_rad_s[joint] = first(of_joint.velocity_rad_s);
+        self.acceleration_rad_s2[joint] = first(of_joint.acceleration_rad_s2);
+        Ok(())
+    }
+
+    /// This, with one joint's motion from another.
+    pub fn with_own(&self, other: &Self, joint: usize) -> Self {
+        let mut with = self.clone();
+        with.position_rad[joint].clone_from(&other.position_rad[joint]);
+        with.velocity_rad_s[joint].clone_from(&other.velocity_rad_s[joint]);
+        with.acceleration_rad_s2[joint].clone_from(&other.acceleration_rad_s2[joint]);
+        with
+    }
+
     /// The links' motion, where this is the motors': they swing behind their gears, whose kinematic error turns with the
     /// motor. A joint without a gear here was measured behind it.
     ///

@@ -14,7 +14,7 @@ use crate::known::{Known, KnownValue};
 use crate::observe::Channel;
 use crate::refine::Refined;
 use crate::respond::Linear;
-use crate::search::{Model, Search, Term, difference, strain};
+use crate::search::{Model, Search, Term, strain};
 use crate::shapes::{evidence_nats, families, on_sides};
 use crate::trust::Trust;
 
@@ -214,9 +214,9 @@ impl Search<'_> {
     /// # Errors
     /// [`FilterError`].
     pub fn known_alone(&self, model: &Model) -> Result<Round, FilterError> {
-        let base = self.twin.simulated(&model.changes(&self.scale), None)?;
+        let base = self.twin.coarsely(&model.changes(&self.scale))?;
         let linear = Linear {
-            residual_nm: difference(&self.measured_nm, &base),
+            residual_nm: self.residual_nm(model)?,
             known: self.known_columns(&base, model)?,
             hypotheses: Vec::new(),
         };
@@ -229,8 +229,8 @@ impl Search<'_> {
     /// [`FilterError`].
     pub fn first(&self, model: &Model) -> Result<Round, FilterError> {
         let model = model.clone();
-        let base = self.twin.simulated(&model.changes(&self.scale), None)?;
-        let residual_nm: Vec<f64> = difference(&self.measured_nm, &base);
+        let base = self.twin.coarsely(&model.changes(&self.scale))?;
+        let residual_nm = self.residual_nm(&model)?;
         let known = self.known_columns(&base, &model)?;
         let mut linear = Linear {
             residual_nm,
@@ -253,9 +253,9 @@ impl Search<'_> {
     pub fn next(&self, before: &Round, model: &Model) -> Result<Round, FilterError> {
         let mut model = model.clone();
         model.known.resize(self.twin.known.len(), 0.0);
-        let base = self.twin.simulated(&model.changes(&self.scale), None)?;
+        let base = self.twin.coarsely(&model.changes(&self.scale))?;
         let mut linear = before.linear.clone();
-        linear.residual_nm = difference(&self.measured_nm, &base);
+        linear.residual_nm = self.residual_nm(&model)?;
         let periodic = self.periodic_hypotheses(&linear);
         linear
             .hypotheses

@@ -106,9 +106,7 @@ impl Search<'_> {
         model: &Model,
     ) -> Result<OfSettled, FilterError> {
         let refined = self.refine(round, model)?;
-        let base = self
-            .twin
-            .simulated(&refined.model.changes(&self.scale), None)?;
+        let base = self.twin.coarsely(&refined.model.changes(&self.scale))?;
         let mut columns = round.linear.known.clone();
         let mut bounds = self.bounds();
         let mut prior_means: Vec<f64> = refined.model.known.iter().map(|z| -z).collect();
@@ -123,7 +121,7 @@ impl Search<'_> {
             if let Some(last) = probe.settled.last_mut() {
                 last.amplitudes[index] += 1.0;
             }
-            let response = self.twin.simulated(&probe.changes(&self.scale), None)?;
+            let response = self.twin.coarsely(&probe.changes(&self.scale))?;
             columns.push(difference(&response, &base));
             bounds.push(Bound::FREE);
             prior_means.push(0.0);
@@ -167,7 +165,7 @@ impl Search<'_> {
         let left = starts
             .par_iter()
             .map(|start| {
-                let left = self.objective(start, &self.residual_nm(start)?);
+                let left = self.objective(start, &self.coarse_residual_nm(start)?);
                 // a joint may run away in simulation
                 Ok(if left.is_nan() { f64::INFINITY } else { left })
             })
@@ -177,7 +175,7 @@ impl Search<'_> {
     }
 
     fn step(&self, round: &Round, model: &Model, residual_nm: &[f64]) -> Result<Step, FilterError> {
-        let base = self.twin.simulated(&model.changes(&self.scale), None)?;
+        let base = self.twin.coarsely(&model.changes(&self.scale))?;
         let mut probes: Vec<Model> = Vec::new();
         let mut bounds = self.bounds();
         for (k, bound) in bounds.iter_mut().enumerate() {
@@ -223,7 +221,7 @@ impl Search<'_> {
             probes
                 .par_iter()
                 .map(|probe| {
-                    let response = self.twin.simulated(&probe.changes(&self.scale), None)?;
+                    let response = self.twin.coarsely(&probe.changes(&self.scale))?;
                     Ok(difference(&response, &base))
                 })
                 .collect::<Result<Vec<_>, FilterError>>()?,

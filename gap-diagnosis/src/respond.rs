@@ -26,7 +26,7 @@ pub(crate) struct Linear {
 }
 
 impl Search<'_> {
-    /// Response to a change, beside a model.
+    /// Response to a change, beside a model; `base` is what [`JointTwin::coarsely`](crate::twin::JointTwin::coarsely) says of the model.
     fn response(
         &self,
         base: &[f64],
@@ -36,7 +36,7 @@ impl Search<'_> {
         let mut changes = model.changes(&self.scale);
         changes.known.resize(self.twin.known.len(), 0.0);
         change(&mut changes);
-        Ok(difference(&self.twin.simulated(&changes, None)?, base))
+        Ok(difference(&self.twin.coarsely(&changes)?, base))
     }
 
     fn hypothesis_columns(

@@ -147,7 +147,7 @@ impl<'a> Search<'a> {
         let whitener = Whitener::new(&twin.rows, |row| {
             floor(row.channel, &noise_nm, &scale, twin)
         });
-        let whitener = whitener.doubting(&doubts_nm(twin, &clean)?);
+        let whitener = whitener.doubting(&doubts_nm(twin)?);
         let has_link_encoder = stretches.iter().any(|stretch| stretch.link_rad.is_some());
         let has_command = stretches.iter().all(|stretch| stretch.has_command);
         // where the drive reports its torque beside the command, its delay and lag are read off the samples
@@ -220,6 +220,12 @@ impl<'a> Search<'a> {
         Ok(difference(&self.measured_nm, &simulated))
     }
 
+    /// The same in coarse substeps, for models that are compared with each other only.
+    pub(crate) fn coarse_residual_nm(&self, model: &Model) -> Result<Vec<f64>, FilterError> {
+        let simulated = self.twin.coarsely(&model.changes(&self.scale))?;
+        Ok(difference(&self.measured_nm, &simulated))
+    }
+
     /// Range of squares and strain over models that differ by next to nothing.
     pub(crate) fn roughness(&self, model: &Model) -> Result<f64, FilterError> {
         let objectives = (0..ROUGH_RUNS)
@@ -233,7 +239,7 @@ impl<'a> Search<'a> {
                     let step = NEXT_TO_NOTHING * (2.0 * random() - 1.0);
                     *known += if of.is_positive() { step.abs() } else { step };
                 }
-                Ok(self.square(&self.residual_nm(&beside)?))
+                Ok(self.square(&self.coarse_residual_nm(&beside)?))
             })
             .collect::<Result<Vec<f64>, FilterError>>()?;
         let low = objectives.iter().copied().fold(f64::INFINITY, f64::min);
@@ -323,8 +329,9 @@ fn floor(
 /// What nobody can tell of a row: the part of what friction before it slips does that is not in proportion to it, and where
 /// friction is a table over the load, of what the corners of the table and the links' masses do. When a joint breaks away from
 /// rest, and on which side of a corner it moves, is such a thing.
-fn doubts_nm(twin: &JointTwin<'_>, clean: &[f64]) -> Result<Vec<f64>, FilterError> {
+fn doubts_nm(twin: &JointTwin<'_>) -> Result<Vec<f64>, FilterError> {
     let has_table = twin.nominal.friction.load_torque.is_some();
+    let clean = twin.coarsely(&Changes::default())?;
     let mut squares = vec![0.0; clean.len()];
     for (place, known) in twin.known.iter().enumerate() {
         let steps = match known.known {
@@ -340,7 +347,7 @@ fn doubts_nm(twin: &JointTwin<'_>, clean: &[f64]) -> Result<Vec<f64>, FilterErro
                 known,
                 effects: Vec::new(),
             };
-            twin.simulated(&changes, None)
+            twin.coarsely(&changes)
         };
         let [a, b] = [run(steps[0])?, run(steps[1])?];
         for (k, square) in squares.iter_mut().enumerate() {

@@ -84,7 +84,7 @@ struct Responses<'a> {
 
 impl<'a> Responses<'a> {
     fn new(search: Search<'a>) -> Result<Self, DiagnoseError> {
-        let base_nm = search.twin.simulated(&Changes::default(), None)?;
+        let base_nm = search.twin.coarsely(&Changes::default())?;
         let count = search.twin.known.len();
         let mut responses = Self {
             search,
@@ -106,7 +106,7 @@ impl<'a> Responses<'a> {
     }
 
     fn to(&self, changes: Changes) -> Result<Vec<f64>, DiagnoseError> {
-        let simulated = self.search.twin.simulated(&changes, None)?;
+        let simulated = self.search.twin.coarsely(&changes)?;
         let difference = simulated.iter().zip(&self.base_nm).map(|(a, b)| a - b);
         Ok(difference.collect())
     }

@@ -5,9 +5,9 @@
 //!
 //! - The robot file's, through the drive as the command ([`Way::Commanded`]). For a controller that is linear in the
 //!   measured motion this *is* its closed loop, whatever it fed forward, so nothing needs to be known of that.
-//! - One of our own that holds the simulation on the recorded motion, by a torque on the rotor ([`Way::Held`]): it knows
-//!   the recording's future, so no delay of drive or sensors makes it unstable, and its torque is told, so that it can be
-//!   counted as a disturbance.
+//! - One of our own that holds the simulation on the recorded motion, by a spring and a damper on the rotor
+//!   ([`Way::Held`]): it knows the recording's future and acts in every substep, so neither a delay of drive or sensors nor a
+//!   low rate makes it unstable, and its torque is told, so that it can be counted as a disturbance.
 //!
 //! Motor and link are two masses with the gear between them, in implicit steps: spring, damping and friction act with
 //! their values at the end of a step, so no stiffness asks for a smaller one. Friction is a spring that slips
@@ -32,6 +32,18 @@ pub struct Drive {
     pub link_rad: Option<Vec<f64>>,
     /// Torque sent, joint side.
     pub command_nm: Vec<f64>,
+    /// What the torque did between two samples.
+    pub between: Between,
+}
+
+/// What a torque does between two samples of a recording.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Between {
+    /// It stays until the next: every command was recorded.
+    #[default]
+    Stays,
+    /// It goes on to the next in a straight line: the loop is faster than the recording.
+    Line,
 }
 
 /// Feedback on the measured position, joint side.
@@ -56,7 +68,7 @@ pub struct Feedback {
 pub enum Way {
     /// Through the drive, on what the sensors show.
     Commanded,
-    /// On the rotor, beside the drive and without delay.
+    /// On the rotor, beside the drive and without delay, along the recorded motion as it goes from sample to sample.
     Held,
 }
 
@@ -85,8 +97,24 @@ pub trait Noise {
     fn uniform(&mut self) -> f64;
 }
 
-/// Longest substep: friction and gear are implicit, so this is for accuracy only.
-const SUBSTEP_S: f64 = 4e-4;
+/// How long substeps are at most: friction and gear are implicit, so this is for accuracy only.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Substeps {
+    /// For what is compared with a recording.
+    Fine,
+    /// For what is compared with another simulation, of the same substeps.
+    Coarse,
+}
+
+impl Substeps {
+    fn longest_s(self) -> f64 {
+        match self {
+            Self::Fine => 4e-4,
+            Self::Coarse => 8e-4,
+        }
+    }
+}
+
 /// Twist by which the gear's slope is found.
 const PROBE_RAD: f64 = 1e-7;
 /// Commands and positions that are remembered for delays.
@@ -99,6 +127,7 @@ pub fn simulate(
     feedback: &Feedback,
     drive: &Drive,
     load: &Load,
+    substeps: Substeps,
     mut noise: Option<&mut dyn Noise>,
 ) -> Trace {
     let samples = drive.motor_rad.len();
@@ -109,7 +138,7 @@ pub fn simulate(
         joint.rounding = [noise.uniform(), noise.uniform()];
     }
     let mut loop_ = Loop::new(feedback);
-    let substeps = (drive.period_s / SUBSTEP_S).ceil().max(1.0) as usize;
+    let substeps = (drive.period_s / substeps.longest_s()).ceil().max(1.0) as usize;
     let step_s = drive.period_s / substeps as f64;
     let answer = if model.current_lag_s > 0.0 {
         -(-step_s / model.current_lag_s).exp_m1()
@@ -123,33 +152,44 @@ pub fn simulate(
             (share, Held::at(delay - share, 1.0 / substeps as f64))
         })
         .collect();
+    let ahead = model.sensor_delay_s / drive.period_s;
     for k in 0..samples {
         let measured = joint.measure(model, drive.period_s, noise.as_deref_mut());
         let added_nm = match feedback.way {
-            Way::Commanded => loop_.torque_nm(feedback, drive, k as f64, &measured),
-            Way::Held => {
-                let ahead = model.sensor_delay_s / drive.period_s;
-                loop_.torque_nm(feedback, drive, k as f64 + ahead, &joint.seen_now(model))
-            }
+            Way::Commanded => loop_.torque_nm(feedback, drive, k, &measured),
+            Way::Held => 0.0,
         };
-        let command_nm = match feedback.way {
-            Way::Commanded => drive.command_nm[k] + added_nm,
-            Way::Held => drive.command_nm[k],
-        };
+        let command_nm = drive.command_nm[k] + added_nm;
         trace.push(&measured, command_nm);
-        if feedback.way == Way::Held {
-            joint.holding_nm = added_nm;
-        }
         let kept = match noise.as_deref_mut() {
             Some(noise) => noise.uniform() >= model.dropped_commands,
             None => true,
         };
         joint.receive(command_nm, kept);
         let time_s = drive.start_s + k as f64 * drive.period_s;
+        let along = LoadStep::from(load, k);
+        let mut held_nm = 0.0;
         for (share, held) in &held {
-            joint.drive(model, held, answer);
-            joint.advance(model, load, k, *share, time_s, step_s);
+            let now = k as f64 + share;
+            let demand_nm = match (drive.between, feedback.way) {
+                (Between::Line, Way::Held) => {
+                    let middle = now + 0.5 / substeps as f64;
+                    joint.limited_nm(model, between(&drive.command_nm, middle - delay))
+                }
+                _ => joint.demand_nm(model, held),
+            };
+            joint.drive_nm += answer * (demand_nm - joint.drive_nm);
+            let hold = match feedback.way {
+                Way::Commanded => Hold::default(),
+                Way::Held => {
+                    let next = now + 1.0 / substeps as f64;
+                    let motor_rad = [now, next].map(|at| between(&drive.motor_rad, at + ahead));
+                    Hold::on(feedback, &joint, model, motor_rad, step_s)
+                }
+            };
+            held_nm += joint.advance(model, &along, *share, &hold, time_s, step_s);
         }
+        joint.holding_nm = held_nm / substeps as f64;
     }
     trace
 }
@@ -190,11 +230,8 @@ impl Measured {
     /// From motor and link angle, drive's and joint's torque, and what holds.
     fn of(model: &JointModel, seen: [f64; 5]) -> Self {
         let [motor_rad, link_rad, torque_nm, joint_torque_nm, holding_nm] = seen;
-        let ratio = model.gear_ratio;
         Self {
-            motor_rad: motor_rad
-                + model.encoder_offset_rad
-                + sum(&model.motor_eccentricity, motor_rad * ratio) / ratio,
+            motor_rad: motor_rad + model.motor_fault_rad(motor_rad),
             link_rad: link_rad + model.encoder_offset_rad + sum(&model.link_eccentricity, link_rad),
             torque_nm,
             joint_torque_nm,
@@ -217,23 +254,17 @@ impl Loop {
         }
     }
 
-    /// For the recording at a sample, or between two.
+    /// For the recording at a sample.
     fn torque_nm(
         &mut self,
         feedback: &Feedback,
         drive: &Drive,
-        sample: f64,
+        sample: usize,
         measured: &Measured,
     ) -> f64 {
-        let recorded = |column: &[f64]| {
-            let last = column.len() - 1;
-            let before = (sample as usize).min(last);
-            let after = (before + 1).min(last);
-            column[before] + (sample - before as f64).min(1.0) * (column[after] - column[before])
-        };
         let error_rad = match &drive.link_rad {
-            Some(link_rad) if feedback.on_link => recorded(link_rad) - measured.link_rad,
-            _ => recorded(&drive.motor_rad) - measured.motor_rad,
+            Some(link_rad) if feedback.on_link => link_rad[sample] - measured.link_rad,
+            _ => drive.motor_rad[sample] - measured.motor_rad,
         };
         let difference_rad_s = (error_rad - self.error_before_rad) / drive.period_s;
         self.error_before_rad = error_rad;
@@ -242,6 +273,40 @@ impl Loop {
             None => difference_rad_s,
         };
         feedback.proportional_nm_rad * error_rad + feedback.derivative_nm_s_rad * rate_rad_s
+    }
+}
+
+/// What holds the rotor on the recorded motion during a substep: `torque - drag·velocity` with the velocity at its end.
+#[derive(Clone, Copy, Debug, Default)]
+struct Hold {
+    torque_nm: f64,
+    drag_nm_s_rad: f64,
+}
+
+impl Hold {
+    /// On the recorded positions at the substep's ends, which the motor's encoder showed with its faults.
+    fn on(
+        feedback: &Feedback,
+        joint: &State,
+        model: &JointModel,
+        [from_rad, to_rad]: [f64; 2],
+        step_s: f64,
+    ) -> Self {
+        let moved_rad = step_s * joint.motor_rad_s;
+        let fault_rad = model.motor_fault_rad(joint.motor_rad);
+        let more_rad = model.motor_fault_rad(joint.motor_rad + moved_rad) - fault_rad;
+        let shown = if more_rad == 0.0 {
+            1.0
+        } else {
+            1.0 + more_rad / moved_rad
+        };
+        let velocity_rad_s = (to_rad - from_rad) / step_s;
+        let away_rad = to_rad - fault_rad - joint.motor_rad;
+        let (stiffness, damping) = (feedback.proportional_nm_rad, feedback.derivative_nm_s_rad);
+        Self {
+            torque_nm: stiffness * away_rad + damping * velocity_rad_s,
+            drag_nm_s_rad: (stiffness * step_s + damping) * shown,
+        }
     }
 }
 
@@ -292,7 +357,11 @@ impl State {
     /// On the recorded motion, the gear wound up by the load.
     fn at_start(model: &JointModel, drive: &Drive, load: &Load) -> Self {
         let load_nm = load.torque_nm.first().copied().unwrap_or(0.0);
-        let motor_rad = drive.motor_rad.first().copied().unwrap_or(0.0) - model.encoder_offset_rad;
+        let shown_rad = drive.motor_rad.first().copied().unwrap_or(0.0);
+        // what the encoder shows of its own faults turns little with the angle
+        let motor_rad = (0..4).fold(shown_rad, |motor_rad, _| {
+            shown_rad - model.motor_fault_rad(motor_rad)
+        });
         let velocity_rad_s = load.velocity_rad_s.first().copied().unwrap_or(0.0);
         let (error_rad, _) = model
             .kinematic_error
@@ -324,7 +393,10 @@ impl State {
     ) -> Measured {
         self.newest = (self.newest + 1) % HISTORY;
         // so little later that the link turns on as it does
-        let link_rad = self.link_rad + model.link_skew_s * self.link_rad_s + model.link_zero_rad;
+        let link_rad = self.link_rad
+            + self.stand_in_twist_rad(model)
+            + model.link_skew_s * self.link_rad_s
+            + model.link_zero_rad;
         self.seen[self.newest] = [
             self.motor_rad,
             link_rad,
@@ -371,9 +443,13 @@ impl State {
         }
     }
 
-    /// What sensors without delay and noise show.
-    fn seen_now(&self, model: &JointModel) -> Measured {
-        Measured::of(model, self.seen[self.newest])
+    /// Twist of the spring that stands for a gear of which no stiffness is known: the real one is taken to have none.
+    fn stand_in_twist_rad(&self, model: &JointModel) -> f64 {
+        if model.stiffness_is_known {
+            0.0
+        } else {
+            self.joint_torque_nm / model.stiffness_nm_rad
+        }
     }
 
     fn index(&self, age: usize) -> usize {
@@ -385,33 +461,36 @@ impl State {
         self.commands_nm[self.newest] = if kept { command_nm } else { before };
     }
 
-    /// The current loop, by the part of the difference that it makes up in a substep.
-    fn drive(&mut self, model: &JointModel, held: &Held, answer: f64) {
-        let limit_nm = model.torque_limit_nm * model.gear_ratio;
-        let command_nm = |age: usize| self.commands_nm[self.index(age)].clamp(-limit_nm, limit_nm);
+    /// Torque that the drive is to make in a substep.
+    fn demand_nm(&self, model: &JointModel, held: &Held) -> f64 {
+        let command_nm = |age: usize| self.limited_nm(model, self.commands_nm[self.index(age)]);
         let older_nm = command_nm(held.older);
-        let demand_nm = older_nm + held.share_of_newer * (command_nm(held.newer) - older_nm);
-        self.drive_nm += answer * (demand_nm - self.drive_nm);
+        older_nm + held.share_of_newer * (command_nm(held.newer) - older_nm)
     }
 
-    /// Motor and link to the end of a substep.
+    fn limited_nm(&self, model: &JointModel, command_nm: f64) -> f64 {
+        let limit_nm = model.torque_limit_nm * model.gear_ratio;
+        command_nm.clamp(-limit_nm, limit_nm)
+    }
+
+    /// Motor and link to the end of a substep. Returns the torque that held the rotor.
     fn advance(
         &mut self,
         model: &JointModel,
-        load: &Load,
-        k: usize,
+        load: &LoadStep,
         share: f64,
+        hold: &Hold,
         time_s: f64,
         step_s: f64,
-    ) {
+    ) -> f64 {
         let motor_angle_rad = self.motor_rad * model.gear_ratio;
         // what repeats with the angle acts at that of the middle of the substep, or it comes late as the joint turns
         let middle_rad = motor_angle_rad + 0.5 * step_s * self.motor_rad_s * model.gear_ratio;
         let shaft_nm = model.torque_gain * self.drive_nm
             + model.torque_offset_nm
-            + self.holding_nm
+            + hold.torque_nm
             + model.gear_ratio * sum(&model.torque_ripple, middle_rad);
-        let link = LinkLoad::at(model, load, k, share, self.link_rad);
+        let link = load.at(model, share, self.link_rad);
         let level = |direction: Direction, load_nm: f64, speed_rad_s: f64| {
             let drift_nm = model.drift.map_or(0.0, |drift| drift.change_nm(time_s));
             let at = Sliding {
@@ -433,7 +512,9 @@ impl State {
         let a = (link.inertia_kg_m2 * self.link_rad_s + step_s * (gear.torque_nm - link.torque_nm))
             * per_mass;
         let b = coupling * lever * per_mass;
-        let inertia = model.rotor_inertia_kg_m2 + lever * coupling * (lever - b);
+        let inertia = model.rotor_inertia_kg_m2
+            + lever * coupling * (lever - b)
+            + step_s * hold.drag_nm_s_rad;
         let drive_nm = shaft_nm - lever * (gear.torque_nm - gear.slope_nm_s_rad * a);
         let before_rad_s = self.motor_rad_s;
         self.turn(
@@ -454,6 +535,7 @@ impl State {
         self.motor_rad += step_s * self.motor_rad_s;
         self.link_rad_s = link_rad_s;
         self.link_rad += step_s * link_rad_s;
+        hold.torque_nm - hold.drag_nm_s_rad * self.motor_rad_s
     }
 
     /// Motor velocity at the end of a substep from its momentum without friction.
@@ -467,13 +549,11 @@ impl State {
         step_s: f64,
     ) {
         let speed_rad_s = self.motor_rad_s.abs();
-        let moving_rad_s = self.motor_rad_s.abs().max(1e-9).copysign(self.motor_rad_s);
-        let drag_nm_s_rad = model.friction.fluid_drag_nm(moving_rad_s) / moving_rad_s;
-        let inertia = inertia + step_s * drag_nm_s_rad;
+        let inertia = inertia + step_s * model.friction.fluid_drag_nm_s_rad(self.motor_rad_s);
         let direction = Direction::of(momentum);
         let level_nm = level(direction, load_nm, speed_rad_s);
         let bend_rad = model.presliding_rad;
-        let stiffness = level_nm / bend_rad;
+        let stiffness = level_nm * (1.0 / bend_rad);
         let sticking_rad_s = (momentum - step_s * stiffness * self.bent_rad)
             / (inertia + step_s * step_s * stiffness);
         let bent_rad = self.bent_rad + step_s * sticking_rad_s;
@@ -519,11 +599,33 @@ struct LinkLoad {
     torque_nm: f64,
 }
 
-impl LinkLoad {
-    fn at(model: &JointModel, load: &Load, k: usize, share: f64, link_rad: f64) -> Self {
+/// The load from a sample to the next, in a straight line.
+struct LoadStep {
+    /// Inertia, torque, slope, position; and how they change until the next sample.
+    from: [f64; 4],
+    change: [f64; 4],
+}
+
+impl LoadStep {
+    fn from(load: &Load, k: usize) -> Self {
         let next = (k + 1).min(load.torque_nm.len() - 1);
-        let between = |column: &[f64]| column[k] + share * (column[next] - column[k]);
-        let away_rad = link_rad - between(&load.position_rad);
+        let columns = [
+            &load.inertia_kg_m2,
+            &load.torque_nm,
+            &load.slope_nm_rad,
+            &load.position_rad,
+        ];
+        let from = columns.map(|column| column[k]);
+        let to = columns.map(|column| column[next]);
+        Self {
+            from,
+            change: [0, 1, 2, 3].map(|i| to[i] - from[i]),
+        }
+    }
+
+    fn at(&self, model: &JointModel, share: f64, link_rad: f64) -> LinkLoad {
+        let [inertia_kg_m2, torque_nm, slope_nm_rad, position_rad] =
+            [0, 1, 2, 3].map(|i| self.from[i] + share * self.change[i]);
         let [sin_nm, cos_nm] = model.gravity_sin_cos_nm;
         let added_nm = if sin_nm == 0.0 && cos_nm == 0.0 {
             0.0
@@ -536,14 +638,20 @@ impl LinkLoad {
             .iter()
             .map(|spring| spring.stiffness_nm_rad * (link_rad - spring.rest_rad))
             .sum();
-        Self {
-            inertia_kg_m2: between(&load.inertia_kg_m2),
-            torque_nm: between(&load.torque_nm)
-                + between(&load.slope_nm_rad) * away_rad
-                + added_nm
-                + springs_nm,
+        LinkLoad {
+            inertia_kg_m2,
+            torque_nm: torque_nm + slope_nm_rad * (link_rad - position_rad) + added_nm + springs_nm,
         }
     }
+}
+
+/// Between the values around a place; before the first and after the last one these.
+fn between(values: &[f64], at: f64) -> f64 {
+    let last = values.len() - 1;
+    let at = at.max(0.0);
+    let before = (at as usize).min(last);
+    let after = (before + 1).min(last);
+    values[before] + (at - before as f64).min(1.0) * (values[after] - values[before])
 }
 
 /// Between the remembered values around an age.
@@ -551,4 +659,116 @@ fn delayed(periods: f64, at: impl Fn(usize) -> f64) -> f64 {
     let whole = periods as usize;
     let share = periods - whole as f64;
     at(whole) + share * (at(whole + 1) - at(whole))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+mod tests {
+    use robot::{Effect, EncoderSide};
+
+    use super::*;
+    use crate::control;
+
+    const SECONDS: f64 = 6.0;
+
+    /// A bench along these positions, told by its motor's encoder at a rate, under a load and without a command.
+    fn along(
+        model: &JointModel,
+        [rate_hz, load_nm]: [f64; 2],
+        substeps: Substeps,
+        at: fn(f64) -> f64,
+    ) -> Trace {
+        let robot = robot::load("shd17").unwrap();
+        let samples = (SECONDS * rate_hz) as usize;
+        let motor_rad: Vec<f64> = (0..samples).map(|k| at(k as f64 / rate_hz)).collect();
+        let drive = Drive {
+            period_s: 1.0 / rate_hz,
+            command_nm: vec![0.0; samples],
+            motor_rad: motor_rad.clone(),
+            ..Drive::default()
+        };
+        let load = Load {
+            position_rad: motor_rad,
+            velocity_rad_s: vec![0.0; samples],
+            inertia_kg_m2: vec![0.1; samples],
+            torque_nm: vec![load_nm; samples],
+            coupling_nm: vec![0.0; samples],
+            slope_nm_rad: vec![0.0; samples],
+        };
+        let feedback = control::tracking(&robot, 0, rate_hz);
+        simulate(model, &feedback, &drive, &load, substeps, None)
+    }
+
+    fn swing_rad(time_s: f64) -> f64 {
+        0.4 * (std::f64::consts::TAU * 0.5 * time_s).sin()
+    }
+
+    fn nominal() -> JointModel {
+        JointModel::nominal(&robot::load("shd17").unwrap(), 0)
+    }
+
+    #[test]
+    fn coarse_substeps_respond_as_fine_ones_do() {
+        let changed = nominal().with(&Effect::CoulombFriction { coulomb_nm: 0.3 });
+        // means of tenths of a second, once the start is over
+        let holding_nm = |model: &JointModel, substeps| -> Vec<f64> {
+            let trace = along(model, [1500.0, 0.0], substeps, swing_rad);
+            let means = trace.holding_nm.chunks(150).skip(10);
+            means.map(|some| some.iter().sum::<f64>() / 150.0).collect()
+        };
+        let response = |substeps| -> Vec<f64> {
+            let before_nm = holding_nm(&nominal(), substeps);
+            let after_nm = holding_nm(&changed, substeps);
+            let both = after_nm.iter().zip(&before_nm);
+            both.map(|(after, before)| after - before).collect()
+        };
+        let (fine, coarse) = (response(Substeps::Fine), response(Substeps::Coarse));
+        let off: f64 = fine.iter().zip(&coarse).map(|(a, b)| (a - b).powi(2)).sum();
+        let whole: f64 = fine.iter().map(|x| x * x).sum();
+        let largest = fine.iter().copied().fold(0.0, f64::max);
+        assert!((largest / 0.3 - 1.0).abs() < 0.05, "{largest}");
+        assert!(off < 1e-3 * whole, "{off} of {whole}");
+    }
+
+    #[test]
+    fn a_joint_is_held_on_its_motion_at_a_hundred_samples_a_second() {
+        let trace = along(&nominal(), [100.0, 0.0], Substeps::Fine, swing_rad);
+        for (k, motor_rad) in trace.motor_rad.iter().enumerate().skip(50) {
+            let away_rad = motor_rad - swing_rad(k as f64 / 100.0);
+            assert!(away_rad.abs() < 0.06, "sample {k}: {away_rad}");
+        }
+    }
+
+    #[test]
+    fn a_gear_of_unknown_stiffness_shows_no_twist() {
+        let mut rigid = nominal();
+        rigid.stiffness_is_known = false;
+        let trace = along(&rigid, [1500.0, 20.0], Substeps::Fine, swing_rad);
+        let twists = trace.motor_rad.iter().zip(&trace.link_rad);
+        let largest_rad = twists
+            .skip(50)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        assert!(largest_rad < 1e-6, "{largest_rad}");
+        // under the same load a gear that is known twists
+        let known = along(&nominal(), [1500.0, 20.0], Substeps::Fine, swing_rad);
+        assert!((known.motor_rad[900] - known.link_rad[900]).abs() > 1e-4);
+    }
+
+    #[test]
+    fn a_joint_at_rest_stands_where_its_faulty_encoder_shows_it() {
+        let eccentric = nominal().with(&Effect::EncoderEccentricity {
+            amplitude_rad: 0.1,
+            cycles_per_rev: 2.0,
+            phase_rad: 0.4,
+            side: EncoderSide::Motor,
+        });
+        let trace = along(&eccentric, [1500.0, 0.0], Substeps::Fine, |_| 0.2);
+        // its friction would hold it anywhere near
+        assert!(
+            (trace.motor_rad[10] - 0.2).abs() < 1e-5,
+            "{}",
+            trace.motor_rad[10]
+        );
+    }
 }

@@ -4,15 +4,19 @@ use joint_model::filter::FilterError;
 use recording::{JointColumns, MissingSignal, Recording, Signal};
 use robot::{Robot, RobotJoint};
 
+use crate::control;
 use crate::joint::JointModel;
 use crate::load::{Load, Motion};
 use crate::observe::Band;
-use crate::simulate::Drive;
+use crate::simulate::{Between, Drive};
 
 /// A hole longer than this ends a stretch.
 const HOLE_MAX_S: f64 = 0.1;
 /// A stretch shorter than this tells nothing.
 const STRETCH_MIN_S: f64 = 1.0;
+/// Part of a motion's acceleration that a link's encoder may blur if the motion is taken from it: what a twin gets wrong of
+/// others' motion anyway.
+const BLUR_PART: f64 = 0.02;
 /// Rows without a value are bridged over so many; what lies in longer holes does not count.
 const BRIDGED_ROWS: usize = 3;
 
@@ -233,19 +237,33 @@ fn stretch(
     grid: &Grid,
 ) -> Result<Stretch, StretchError> {
     let rate_hz = 1.0 / grid.period_s;
+    let between = control::between(robot, rate_hz);
     let positions = robot
         .joints
         .iter()
         .map(|joint| position_rad(recording.joint(&joint.name)?, joint.gear_ratio, grid))
         .collect::<Result<Vec<_>, MissingSignal>>()?;
-    let columns: Vec<Vec<f64>> = positions.iter().map(|p| p.motor_rad.clone()).collect();
+    let motors: Vec<Vec<f64>> = positions.iter().map(|p| p.motor_rad.clone()).collect();
     let gears: Vec<Option<JointModel>> = positions
         .iter()
         .enumerate()
         .map(|(joint, position)| (!position.is_of_link).then(|| JointModel::nominal(robot, joint)))
         .collect();
-    let motion = Motion::of(&columns, rate_hz)?.behind_gears(&robot.chain, &gears)?;
-    let encoders: Vec<[f64; 2]> = robot.joints.iter().map(encoder).collect();
+    let behind = Motion::of(&motors, rate_hz)?.behind_gears(&robot.chain, &gears)?;
+    let mut motion = behind.clone();
+    let mut encoders: Vec<[f64; 2]> = robot.joints.iter().map(motor_encoder).collect();
+    if positions.len() > 1 {
+        // where its own encoder shows how a link swings, nothing needs to be known of the gear
+        for (joint, (position, file)) in positions.iter().zip(&robot.joints).enumerate() {
+            let moving_rad_s2 = behind.acceleration_rad_s2(joint);
+            let encoder =
+                link_encoder(file).filter(|encoder| tells_swing(*encoder, moving_rad_s2, rate_hz));
+            if let Some((link_rad, encoder)) = position.link_rad.as_ref().zip(encoder) {
+                motion.set(joint, link_rad)?;
+                encoders[joint] = encoder;
+            }
+        }
+    }
     let joints = positions
         .into_iter()
         .zip(&robot.joints)
@@ -253,9 +271,9 @@ fn stretch(
         .map(|(k, (position, file))| {
             let columns = recording.joint(&file.name)?;
             Ok(
-                joint_stretch(columns, file.gear_ratio, position, grid).map(|signals| {
+                joint_stretch(columns, file.gear_ratio, position, between, grid).map(|signals| {
                     JointStretch {
-                        load: motion.load(&robot.chain, k),
+                        load: motion.with_own(&behind, k).load(&robot.chain, k),
                         others_rounding_nm: motion.rounding_nm(
                             &robot.chain,
                             k,
@@ -278,9 +296,26 @@ fn stretch(
 }
 
 /// Step and noise of the motor's encoder, joint side.
-fn encoder(joint: &RobotJoint) -> [f64; 2] {
+fn motor_encoder(joint: &RobotJoint) -> [f64; 2] {
     let step_rad = joint.motor_encoder_resolution_rad.unwrap_or(0.0);
     [step_rad, joint.position_noise_rad].map(|of_motor| of_motor / joint.gear_ratio)
+}
+
+/// Step and noise of the link's encoder, where the robot file tells them.
+fn link_encoder(joint: &RobotJoint) -> Option<[f64; 2]> {
+    let step_rad = joint.link_encoder_resolution_rad?;
+    Some([step_rad, joint.position_noise_rad])
+}
+
+/// Whether an encoder's step and noise are small beside a motion's acceleration within the band that is compared.
+fn tells_swing([step_rad, noise_rad]: [f64; 2], moving_rad_s2: &[f64], rate_hz: f64) -> bool {
+    let cutoff_hz = Band::at(rate_hz).cutoff_hz;
+    let reading_rad = (step_rad.powi(2) / 12.0 + noise_rad.powi(2)).sqrt();
+    let blur_rad_s2 = (std::f64::consts::TAU * cutoff_hz).powi(2)
+        * reading_rad
+        * (2.0 * cutoff_hz / rate_hz).sqrt();
+    let square: f64 = moving_rad_s2.iter().map(|x| x * x).sum();
+    blur_rad_s2.powi(2) < BLUR_PART.powi(2) * square / moving_rad_s2.len().max(1) as f64
 }
 
 /// What the encoders say, joint side.
@@ -334,6 +369,7 @@ fn joint_stretch(
     joint: &JointColumns,
     gear_ratio: f64,
     position: Position,
+    between: Between,
     grid: &Grid,
 ) -> Option<JointStretch> {
     let sample = |signal, scale| measured(joint, signal).map(|x| grid.sample(x, scale));
@@ -356,6 +392,7 @@ fn joint_stretch(
             motor_rad: position.motor_rad,
             link_rad: position.link_rad.clone(),
             command_nm,
+            between,
         },
         load: Load::default(),
         others_rounding_nm: Vec::new(),

@@ -14,7 +14,7 @@ use crate::load::{Load, LoadChange, Motion};
 use crate::observe::{Band, Channel, channels};
 use crate::repeats::Place;
 use crate::rounding::Rounding;
-use crate::simulate::{Feedback, Noise, Trace, simulate};
+use crate::simulate::{Feedback, Noise, Substeps, Trace, simulate};
 use crate::smooth::derivative;
 use crate::stretch::{JointStretch, Stretch};
 use crate::vibration;
@@ -251,10 +251,27 @@ impl<'a> JointTwin<'a> {
     /// # Errors
     /// [`FilterError`].
     pub fn simulated(&self, changes: &Changes, seed: Option<u64>) -> Result<Vec<f64>, FilterError> {
+        self.along(changes, Substeps::Fine, seed)
+    }
+
+    /// The same without noise and in longer substeps, for differences between simulations.
+    ///
+    /// # Errors
+    /// [`FilterError`].
+    pub fn coarsely(&self, changes: &Changes) -> Result<Vec<f64>, FilterError> {
+        self.along(changes, Substeps::Coarse, None)
+    }
+
+    fn along(
+        &self,
+        changes: &Changes,
+        substeps: Substeps,
+        seed: Option<u64>,
+    ) -> Result<Vec<f64>, FilterError> {
         let mut all = Vec::with_capacity(self.rows.len());
         for piece in 0..self.pieces.len() {
             let tracking = &self.pieces[piece].tracking;
-            let trace = self.trace(piece, changes, tracking, seed);
+            let trace = self.trace(piece, changes, tracking, substeps, seed);
             let piece = &self.pieces[piece];
             let columns =
                 piece
@@ -267,7 +284,13 @@ impl<'a> JointTwin<'a> {
 
     /// Everything the sensors would show in one stretch under the robot file's controller.
     pub fn controlled(&self, piece: usize, changes: &Changes) -> Trace {
-        self.trace(piece, changes, &self.pieces[piece].controller, None)
+        self.trace(
+            piece,
+            changes,
+            &self.pieces[piece].controller,
+            Substeps::Fine,
+            None,
+        )
     }
 
     fn trace(
@@ -275,6 +298,7 @@ impl<'a> JointTwin<'a> {
         piece: usize,
         changes: &Changes,
         feedback: &Feedback,
+        substeps: Substeps,
         seed: Option<u64>,
     ) -> Trace {
         let place = piece as u64;
@@ -291,7 +315,7 @@ impl<'a> JointTwin<'a> {
         let load = self.load(piece, changes);
         let mut sensors = seed.map(|seed| Sensors::new(seed, place));
         let noise = sensors.as_mut().map(|noise| noise as &mut dyn Noise);
-        let mut trace = simulate(&model, feedback, &piece.joint.drive, &load, noise);
+        let mut trace = simulate(&model, feedback, &piece.joint.drive, &load, substeps, noise);
         // what holds the joint is told as the drive would report it: a drive that gives less reports more
         for holding_nm in &mut trace.holding_nm {
             *holding_nm /= model.torque_gain;

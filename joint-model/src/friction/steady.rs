@@ -3,9 +3,9 @@
 use arrayvec::ArrayVec;
 
 use super::{
-    AsymmetricFriction, CoulombFriction, DryFriction, FrictionLookup, LoadDependentFriction,
-    LoadTorque, PeriodicFriction, QuadraticFriction, Sliding, StribeckCurve, StribeckFriction,
-    ViscousFriction,
+    AsymmetricFriction, CoulombFriction, Direction, DryFriction, FrictionLookup,
+    LoadDependentFriction, LoadTorque, PeriodicFriction, QuadraticFriction, Sliding, StribeckCurve,
+    StribeckFriction, ViscousFriction,
 };
 
 /// The most Stribeck or periodic terms of one joint.
@@ -61,6 +61,16 @@ impl SteadyFriction {
             + self
                 .curve
                 .map_or(0.0, |law| law.viscous_drag_nm(velocity_rad_s))
+    }
+
+    /// [`fluid_drag_nm`](Self::fluid_drag_nm) over the velocity: what a time step has to treat implicitly.
+    pub fn fluid_drag_nm_s_rad(&self, velocity_rad_s: f64) -> f64 {
+        let curve_nm_s_rad = self.curve.map_or(0.0, |law| {
+            law.row(Direction::of(velocity_rad_s)).fv_nm_s_rad
+        });
+        self.viscous.viscous_nm_s_rad
+            + self.quadratic.quadratic_nm_s2_rad2 * velocity_rad_s.abs()
+            + curve_nm_s_rad
     }
 
     /// Torque to spend against friction, joint side, positive with positive velocity.
@@ -191,6 +201,23 @@ mod tests {
             friction.drag_nm(0.1, 0.0, 0.0, 0.0),
         );
         assert!((smooth_nm / sharp_nm - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn fluid_drag_is_its_coefficient_times_the_velocity() {
+        let friction = SteadyFriction {
+            viscous: ViscousFriction {
+                viscous_nm_s_rad: 1.0,
+            },
+            quadratic: QuadraticFriction {
+                quadratic_nm_s2_rad2: -0.3,
+            },
+            ..joint_2()
+        };
+        for v in [-2.0, -1e-3, 0.0, 1e-3, 2.0] {
+            let drag_nm = friction.fluid_drag_nm_s_rad(v) * v;
+            assert!((drag_nm - friction.fluid_drag_nm(v)).abs() < 1e-12, "{v}");
+        }
     }
 
     #[test]
