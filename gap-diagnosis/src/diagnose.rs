@@ -27,6 +27,7 @@ use crate::search::{Search, Term};
 use crate::shared::{self, Seen, Shared};
 use crate::stretch::{StretchError, stretches};
 use crate::tell::{Told, counted_effect};
+use crate::timing::Timing;
 use crate::twin::JointTwin;
 
 /// Why a diagnosis cannot be made.
@@ -108,6 +109,7 @@ pub fn diagnose(
             .collect();
     } else {
         let prepared = prepared(robot, &tables, |index| against[index].is_none());
+        report.data.extend(prepared.findings.iter().cloned());
         let tables = prepared.tables(&tables);
         let (robot, counted) = (&prepared.robot, &prepared.counted);
         let stretches = stretches(&tables, robot)?;
@@ -182,6 +184,8 @@ pub(crate) struct Prepared {
     pub robot: Robot,
     /// Of each joint.
     pub counted: Vec<Vec<Found>>,
+    /// What a reader of the report should know.
+    pub findings: Vec<DataFinding>,
     mended: Option<Vec<Recording>>,
 }
 
@@ -201,22 +205,27 @@ pub(crate) fn prepared(
     tables: &[&Recording],
     looks_at: impl Fn(usize) -> bool + Sync,
 ) -> Prepared {
+    let timing = Timing::of(robot, tables);
     let counted: Vec<Vec<Found>> = robot
         .joints
         .par_iter()
         .enumerate()
         .map(|(index, joint)| {
             if looks_at(index) {
-                samples::find(tables, joint, robot.control.as_ref())
+                samples::find(tables, joint, &timing)
             } else {
                 Vec::new()
             }
         })
         .collect();
     Prepared {
-        robot: mend::robot(robot, &counted),
-        mended: mend::recordings(tables, robot, &counted),
+        robot: Robot {
+            control: timing.control.clone(),
+            ..mend::robot(robot, &counted)
+        },
+        mended: mend::recordings(tables, robot, &counted, &timing),
         counted,
+        findings: timing.findings,
     }
 }
 

@@ -14,6 +14,11 @@ const FAST_LAG_S: f64 = 3e-4;
 const FAST_LAGS_S: [f64; 3] = [0.0, 0.5 * FAST_LAG_S, FAST_LAG_S];
 /// Tenths of a sample by which the torque may be later than the controller's delay.
 const LATE_STEPS: i32 = 4;
+/// Delay and time constant at which the search ends: what is best there may be anything.
+const LATEST: f64 = TAPS as f64 - 4.0;
+const SLOWEST_S: f64 = 0.02;
+/// A response that leaves more of the torque's changes than this part does not tell when it came.
+const UNCLEAR: f64 = 0.5;
 /// What a slower response must be worth, in squared standard deviations.
 const WORTH: f64 = 50.0;
 /// Samples over which the torque's change is compared with the commands': over one sample a step tells best what came when, over
@@ -46,7 +51,7 @@ struct Follow {
 
 impl Response {
     /// From the changes over so many samples, wherever command and torque are there.
-    fn over(span: usize, columns: &[&JointColumns], period_s: f64) -> Option<Self> {
+    fn over(span: usize, columns: &[JointColumns], period_s: f64) -> Option<Self> {
         let mut response = Self {
             matrix: DMatrix::zeros(TAPS, TAPS),
             vector: DVector::zeros(TAPS),
@@ -93,17 +98,19 @@ impl Response {
     }
 
     /// From one sample to the next.
-    pub(crate) fn of_steps(columns: &[&JointColumns], period_s: f64) -> Option<Self> {
+    pub(crate) fn of_steps(columns: &[JointColumns], period_s: f64) -> Option<Self> {
         Self::over(1, columns, period_s)
     }
 
     fn add(&mut self, past: &[f64; TAPS], change_nm: f64) {
         self.rows += 1.0;
         self.square += change_nm * change_nm;
-        for i in 0..TAPS {
-            self.vector[i] += past[i] * change_nm;
-            for j in 0..=i {
-                self.matrix[(i, j)] += past[i] * past[j];
+        for (j, change) in past.iter().enumerate() {
+            self.vector[j] += change * change_nm;
+            // a matrix lies column by column
+            let below = &mut self.matrix.as_mut_slice()[j * (TAPS + 1)..(j + 1) * TAPS];
+            for (sum, other) in below.iter_mut().zip(&past[j..]) {
+                *sum += other * change;
             }
         }
     }
@@ -162,7 +169,7 @@ impl Response {
     /// samples have it, and as they would have it if none were late beyond what the controller has; and what the former leaves of
     /// one reading.
     pub(crate) fn of_fast_loop(&self, delay_cycles: usize) -> ([Vec<f64>; 2], f64) {
-        let (follow, left) = self.best(&delays(0.0), &FAST_LAGS_S);
+        let (follow, left) = self.best(&delays(), &FAST_LAGS_S);
         let told = Follow {
             delay: told_delay(delay_cycles),
             lag_s: 0.0,
@@ -174,7 +181,7 @@ impl Response {
 }
 
 /// Samples from a command to the torque that is measured of it: what acts from a sample on is measured at the next.
-fn told_delay(delay_cycles: usize) -> f64 {
+pub(crate) fn told_delay(delay_cycles: usize) -> f64 {
     delay_cycles as f64 + 1.0
 }
 
@@ -188,9 +195,7 @@ fn reached_nm(torque_nm: &[f64]) -> f64 {
 }
 
 /// Torque and command of every recording that has both.
-pub(crate) fn pairs<'a>(
-    columns: &'a [&JointColumns],
-) -> impl Iterator<Item = (&'a Vec<f64>, &'a Vec<f64>)> {
+pub(crate) fn pairs(columns: &[JointColumns]) -> impl Iterator<Item = (&Vec<f64>, &Vec<f64>)> {
     columns.iter().filter_map(|columns| {
         let torque_nm = columns.signals.get(&Signal::MotorTorqueNm)?;
         let command_nm = columns.signals.get(&Signal::CommandTorqueNm)?;
@@ -199,17 +204,37 @@ pub(crate) fn pairs<'a>(
 }
 
 /// By how much each of the last commands counts in the drive's torque, newest first; none where too few rows tell.
-pub(crate) fn weights_of_commands(columns: &[&JointColumns], period_s: f64) -> Option<Vec<f64>> {
+pub(crate) fn weights_of_commands(columns: &[JointColumns], period_s: f64) -> Option<Vec<f64>> {
     let response = Response::of_steps(columns, period_s)?;
-    let (follow, _) = response.best(&delays(0.0), &[&FAST_LAGS_S[..], &slow_lags_s()].concat());
+    let (follow, _) = response.best(&delays(), &[&FAST_LAGS_S[..], &slow_lags_s()].concat());
     Some(response.taps(follow).iter().copied().collect())
 }
 
-/// Delays from a smallest one on.
-fn delays(from: f64) -> Vec<f64> {
+/// Samples after which a joint's torque answers its command; none where it does not tell, or no better than an answer after as
+/// many as told.
+pub(crate) fn answered_after(
+    columns: &[JointColumns],
+    period_s: f64,
+    told: Option<f64>,
+) -> Option<f64> {
+    SPANS.iter().find_map(|span| {
+        let response = Response::over(*span, columns, period_s)?;
+        let (follow, left) = response.best(&delays(), &FAST_LAGS_S);
+        let is_clear = left < UNCLEAR * response.square && follow.delay < LATEST;
+        let is_worth = told.is_none_or(|told| {
+            let late = 0.1 * f64::from(LATE_STEPS);
+            let (_, as_told) = response.best(&[told, told + 0.5 * late, told + late], &FAST_LAGS_S);
+            as_told - left > WORTH * left / response.rows
+        });
+        (is_clear && is_worth).then_some(follow.delay)
+    })
+}
+
+/// All delays that are tried.
+fn delays() -> Vec<f64> {
     (0..)
-        .map(|k| from + 0.1 * f64::from(k))
-        .take_while(|delay| *delay < TAPS as f64 - 4.0)
+        .map(|k| 0.1 * f64::from(k))
+        .take_while(|delay| *delay <= LATEST)
         .collect()
 }
 
@@ -218,11 +243,11 @@ fn slow_lags_s() -> Vec<f64> {
     (0..40).map(|k| FAST_LAG_S * 1.12_f64.powi(k)).collect()
 }
 
-/// Lag of the current loop and delay of the command, beyond what the robot file's controller has.
+/// Lag of the current loop, and delay of the command beyond what the robot file's controller has, where that is told.
 pub(crate) fn slow_drive(
-    columns: &[&JointColumns],
+    columns: &[JointColumns],
     period_s: f64,
-    delay_cycles: usize,
+    delay_cycles: Option<usize>,
 ) -> Vec<Found> {
     let mut responses = SPANS
         .iter()
@@ -235,16 +260,21 @@ pub(crate) fn slow_drive(
 }
 
 impl Response {
-    fn slow(&self, delay_cycles: usize) -> Vec<Found> {
-        let told = told_delay(delay_cycles);
-        let usual: Vec<f64> = (0..=LATE_STEPS)
-            .map(|k| told + 0.1 * f64::from(k))
+    fn slow(&self, delay_cycles: Option<usize>) -> Vec<Found> {
+        let all = delays();
+        let told = delay_cycles.map_or(LATEST, told_delay);
+        // a recorder may write down what acts from a row on: sooner than told is no effect
+        let latest = told + 0.1 * f64::from(LATE_STEPS);
+        let usual: Vec<f64> = all
+            .iter()
+            .copied()
+            .filter(|delay| *delay <= latest + 1e-9)
             .collect();
         let lags = slow_lags_s();
         let (_, as_told) = self.best(&usual, &FAST_LAGS_S);
-        let (late, with_delay) = self.best(&delays(told), &FAST_LAGS_S);
+        let (late, with_delay) = self.best(&all, &FAST_LAGS_S);
         let (slow, with_lag) = self.best(&usual, &lags);
-        let (both, least) = self.best(&delays(told), &lags);
+        let (both, least) = self.best(&all, &lags);
         let variance = (least / self.rows).max(1e-300);
         let worth = |before: f64, after: f64| (before - after) / variance > WORTH;
         if !worth(as_told, least) {
@@ -258,6 +288,9 @@ impl Response {
             both
         };
         let mut found = Vec::new();
+        if chosen.lag_s >= SLOWEST_S || chosen.delay >= LATEST - 0.5 {
+            return found;
+        }
         if chosen.lag_s > 2.0 * FAST_LAG_S {
             found.push(Found {
                 effect: Effect::CurrentLoopLag {
@@ -323,7 +356,7 @@ pub(crate) mod tests {
             (Signal::CommandTorqueNm, command),
             (Signal::MotorTorqueNm, torque),
         ]);
-        slow_drive(&[&joint], 1e-3, 0)
+        slow_drive(&[joint], 1e-3, Some(0))
     }
 
     #[test]
@@ -355,7 +388,7 @@ pub(crate) mod tests {
             (Signal::CommandTorqueNm, command),
             (Signal::MotorTorqueNm, torque),
         ]);
-        let found = slow_drive(&[&joint], 1e-3, 0);
+        let found = slow_drive(&[joint], 1e-3, Some(0));
         assert_eq!(found, []);
     }
 
@@ -372,9 +405,9 @@ pub(crate) mod tests {
                 (Signal::CommandTorqueNm, (0..20_000).map(smooth).collect()),
                 (Signal::MotorTorqueNm, torque.collect()),
             ]);
-            let steps = Response::of_steps(&[&joint], 1e-3).unwrap();
-            assert_eq!(steps.slow(0), [], "steps drown in the noise");
-            slow_drive(&[&joint], 1e-3, 0)
+            let steps = Response::of_steps(std::slice::from_ref(&joint), 1e-3).unwrap();
+            assert_eq!(steps.slow(Some(0)), [], "steps drown in the noise");
+            slow_drive(&[joint], 1e-3, Some(0))
         };
         assert_eq!(late(1, 1.0), []);
         assert_eq!(late(1, 0.9), [], "a wrong scale is no lag");

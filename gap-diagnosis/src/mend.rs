@@ -2,11 +2,15 @@
 //! measurement, and an encoder's steps are those it has. A torque that was not measured anew is known from its command: a
 //! controller that saw the joint stand still and then leap kicks it, and those kicks lie in and beside the lost rows. What the file itself tells of the whole arm is put into its links.
 
+use std::ops::Range;
+
 use recording::{JointColumns, Recording, Signal};
 use robot::{Effect, EncoderSide, Robot};
 
 use crate::follow::weights_of_commands;
 use crate::found::Found;
+use crate::runs;
+use crate::timing::Timing;
 
 /// Signals that a lost sample repeats.
 const MEASURED: [Signal; 4] = [
@@ -16,11 +20,13 @@ const MEASURED: [Signal; 4] = [
     Signal::JointTorqueNm,
 ];
 
-/// Recordings in which rows that repeat the row before hold no value, of the joints where such were found.
-pub fn recordings(
+/// Recordings in which rows that repeat the row before hold no value, of the joints where such were found, and a torque that
+/// was read early stands where the command's delay would have it.
+pub(crate) fn recordings(
     tables: &[&Recording],
     robot: &Robot,
     found: &[Vec<Found>],
+    timing: &Timing,
 ) -> Option<Vec<Recording>> {
     let lost: Vec<&str> = robot
         .joints
@@ -32,20 +38,44 @@ pub fn recordings(
         })
         .map(|(joint, _)| joint.name.as_str())
         .collect();
-    if lost.is_empty() {
+    let early: Vec<(&str, usize)> = robot
+        .joints
+        .iter()
+        .zip(&timing.early_rows)
+        .filter(|(_, rows)| **rows > 0)
+        .map(|(joint, rows)| (joint.name.as_str(), *rows))
+        .collect();
+    if lost.is_empty() && early.is_empty() {
         return None;
     }
     let mended = tables.iter().map(|table| {
         let mut mended = (*table).clone();
+        let runs = runs::rows(table);
         for joint in &mut mended.joints {
             if lost.contains(&joint.name.as_str()) {
                 blank_repeats(joint);
-                torque_from_commands(joint, 1.0 / table.sample_rate_hz);
+                torque_from_commands(joint, &runs, 1.0 / table.sample_rate_hz);
+            }
+            if let Some((_, rows)) = early.iter().find(|(name, _)| *name == joint.name) {
+                put_later(joint, &runs, *rows);
             }
         }
         mended
     });
     Some(mended.collect())
+}
+
+/// Puts the torque so many rows later, in every run; what comes before it in a run was not measured.
+fn put_later(joint: &mut JointColumns, runs: &[Range<usize>], rows: usize) {
+    let Some(torque_nm) = joint.signals.get_mut(&Signal::MotorTorqueNm) else {
+        return;
+    };
+    for run in runs {
+        let torque_nm = &mut torque_nm[run.clone()];
+        let rows = rows.min(torque_nm.len());
+        torque_nm.rotate_right(rows);
+        torque_nm[..rows].fill(f64::NAN);
+    }
 }
 
 fn blank_repeats(joint: &mut JointColumns) {
@@ -69,8 +99,12 @@ fn blank_repeats(joint: &mut JointColumns) {
 
 /// Puts the drive's answer to its commands where the torque was not measured anew, with what the torque has beyond that
 /// before and after.
-fn torque_from_commands(joint: &mut JointColumns, period_s: f64) {
-    let weights = weights_of_commands(&[joint], period_s);
+fn torque_from_commands(joint: &mut JointColumns, runs: &[Range<usize>], period_s: f64) {
+    let pieces: Vec<JointColumns> = runs
+        .iter()
+        .map(|run| runs::cut(joint, run.clone()))
+        .collect();
+    let weights = weights_of_commands(&pieces, period_s);
     let command_nm = joint.signals.get(&Signal::CommandTorqueNm).cloned();
     let torque_nm = joint.signals.get_mut(&Signal::MotorTorqueNm);
     let (Some(weights), Some(command_nm), Some(torque_nm)) = (weights, command_nm, torque_nm)
@@ -81,20 +115,22 @@ fn torque_from_commands(joint: &mut JointColumns, period_s: f64) {
         let past = command_nm[..=k].iter().rev();
         weights.iter().zip(past).map(|(w, u)| w * u).sum()
     };
-    let mut before = None;
-    for k in weights.len()..torque_nm.len() {
-        let beyond_nm = torque_nm[k] - answer_nm(k);
-        if !beyond_nm.is_finite() {
-            continue;
-        }
-        if let Some((from, from_nm)) = before {
-            let rows = (k - from) as f64;
-            for (lost, torque_nm) in torque_nm[..k].iter_mut().enumerate().skip(from + 1) {
-                let share = (lost - from) as f64 / rows;
-                *torque_nm = answer_nm(lost) + from_nm + share * (beyond_nm - from_nm);
+    for run in runs {
+        let mut before = None;
+        for k in run.start + weights.len()..run.end {
+            let beyond_nm = torque_nm[k] - answer_nm(k);
+            if !beyond_nm.is_finite() {
+                continue;
             }
+            if let Some((from, from_nm)) = before {
+                let rows = (k - from) as f64;
+                for (lost, torque_nm) in torque_nm[..k].iter_mut().enumerate().skip(from + 1) {
+                    let share = (lost - from) as f64 / rows;
+                    *torque_nm = answer_nm(lost) + from_nm + share * (beyond_nm - from_nm);
+                }
+            }
+            before = Some((k, beyond_nm));
         }
-        before = Some((k, beyond_nm));
     }
 }
 
@@ -160,7 +196,7 @@ mod tests {
             ]
             .into(),
         };
-        torque_from_commands(&mut joint, 1e-3);
+        torque_from_commands(&mut joint, std::slice::from_ref(&(0..2000)), 1e-3);
         let mended_nm = &joint.signals[&Signal::MotorTorqueNm];
         for (k, mended_nm) in mended_nm[..1990].iter().enumerate().skip(100) {
             let off_nm = mended_nm - torque_nm(k);

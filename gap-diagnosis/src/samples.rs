@@ -4,8 +4,10 @@
 use recording::{JointColumns, Recording, Signal};
 use robot::{Control, Effect, EncoderSide, RobotJoint};
 
+use crate::control::is_slower_than_loop;
 use crate::follow::{Response, pairs, slow_drive};
 use crate::found::{Found, ROWS_MIN};
+use crate::timing::{Timing, columns};
 
 /// A position that stays although the joint should have moved by so many steps of its encoder was not measured.
 const STEPS_MOVED: f64 = 3.0;
@@ -15,6 +17,8 @@ const LOST_MIN: f64 = 0.002;
 const COARSER: f64 = 1.4;
 /// A velocity that lags its own position by less is filtered as it should be.
 const LAG_MIN_S: f64 = 6e-4;
+/// The same, of a told filter's lag.
+const USUAL_LAG: f64 = 1.3;
 /// A step of the command stands out if it is so many times the noise.
 const SURE_STEP: f64 = 8.0;
 /// What is nearer to nothing, or to a whole step, than this part of it, is that.
@@ -25,28 +29,26 @@ const EITHER: f64 = 0.8;
 const SURE: f64 = 5.0;
 
 /// What the samples of one joint show, over all recordings. Where the robot file tells of no feedback there is no
-/// velocity filter that could be slower than told.
-pub fn find(
-    recordings: &[&Recording],
-    joint: &RobotJoint,
-    control: Option<&Control>,
-) -> Vec<Found> {
-    let columns: Vec<&JointColumns> = recordings
-        .iter()
-        .filter_map(|recording| recording.joint(&joint.name).ok())
-        .collect();
+/// velocity filter that could be slower than told, and where it tells no controller no delay that could be longer. A recording
+/// slower than the loop lacks most commands.
+pub(crate) fn find(recordings: &[&Recording], joint: &RobotJoint, timing: &Timing) -> Vec<Found> {
+    let columns = columns(recordings, joint);
+    let control = timing.control.as_ref();
     let Some(rate_hz) = recordings.first().map(|recording| recording.sample_rate_hz) else {
         return Vec::new();
     };
     let period_s = 1.0 / rate_hz;
     let delay_cycles = control.map_or(1, |control| control.delay_cycles as usize);
     let lost = lost_samples(&columns, joint);
-    // a torque that was not measured anew tells nothing of its command
+    let lacks_commands = control.is_some_and(|control| is_slower_than_loop(control, rate_hz));
     let (left_out, slow) = match lost {
+        // a torque that was not measured anew tells nothing of its command
         Some(_) => (None, Vec::new()),
+        None if lacks_commands => (None, Vec::new()),
         None => {
             let left_out = lost_commands(&columns, period_s, delay_cycles);
-            let mut slow = slow_drive(&columns, period_s, delay_cycles);
+            let told = timing.is_told.then_some(delay_cycles);
+            let mut slow = slow_drive(&columns, period_s, told);
             // commands that are left out come later, as from a slow loop
             slow.retain(|found| {
                 left_out.is_none() || !matches!(found.effect, Effect::CurrentLoopLag { .. })
@@ -73,7 +75,7 @@ pub fn find(
         ),
         control
             .filter(|control| control.is_closed())
-            .and_then(|_| slow_velocity(&columns, rate_hz)),
+            .and_then(|control| slow_velocity(&columns, rate_hz, lag_of_filter_s(control))),
     ];
     found.into_iter().flatten().chain(slow).collect()
 }
@@ -89,9 +91,10 @@ fn fraction(lost: usize, of: usize) -> Option<(f64, f64)> {
 }
 
 /// Rows in which nothing of the joint changed although it moved.
-fn lost_samples(columns: &[&JointColumns], joint: &RobotJoint) -> Option<Found> {
+fn lost_samples(columns: &[JointColumns], joint: &RobotJoint) -> Option<Found> {
     let resolution_rad = joint.motor_encoder_resolution_rad.unwrap_or(0.0);
     let noise_rad = joint.position_noise_rad;
+    let step_rad = resolution_rad.max(step_of(columns, Signal::MotorPositionRad).unwrap_or(0.0));
     let (mut lost, mut of) = (0, 0);
     for columns in columns {
         let Some(position_rad) = columns.signals.get(&Signal::MotorPositionRad) else {
@@ -107,7 +110,6 @@ fn lost_samples(columns: &[&JointColumns], joint: &RobotJoint) -> Option<Found> 
             .filter_map(|signal| columns.signals.get(signal))
             .filter(|values| values.iter().any(|value| value.is_finite()))
             .collect();
-        let step_rad = resolution_rad.max(smallest_step(position_rad).unwrap_or(0.0));
         for k in 2..position_rad.len().saturating_sub(2) {
             // what a row should have moved, from the rows around it
             let moves_rad = 0.25 * (position_rad[k + 2] - position_rad[k - 2]);
@@ -130,7 +132,7 @@ fn lost_samples(columns: &[&JointColumns], joint: &RobotJoint) -> Option<Found> 
 }
 
 /// Rows in which the drive's torque stayed with the command before.
-fn lost_commands(columns: &[&JointColumns], period_s: f64, delay_cycles: usize) -> Option<Found> {
+fn lost_commands(columns: &[JointColumns], period_s: f64, delay_cycles: usize) -> Option<Found> {
     let response = Response::of_steps(columns, period_s)?;
     // a delay between two samples spreads each step over both; many lost commands look like a delay
     let (weights, left_nm) = response.of_fast_loop(delay_cycles);
@@ -139,13 +141,13 @@ fn lost_commands(columns: &[&JointColumns], period_s: f64, delay_cycles: usize) 
 }
 
 /// The same, if the torque is made of the last commands like this, newest first.
-fn lost_beside(columns: &[&JointColumns], weights: &[f64], left_nm: f64) -> Option<Found> {
+fn lost_beside(columns: &[JointColumns], weights: &[f64], left_nm: f64) -> Option<Found> {
     let (mut lost, mut followed, mut of) = (0, 0, 0);
+    let digit_nm = step_of(columns, Signal::MotorTorqueNm).unwrap_or(0.0);
+    // lost commands are no noise, nor are steps of the command
+    let noise_nm = reading_noise_nm(columns).min(left_nm);
+    let sure_nm = SURE_STEP * noise_nm.max(digit_nm);
     for (torque_nm, command_nm) in pairs(columns) {
-        let digit_nm = smallest_step(torque_nm).unwrap_or(0.0);
-        // lost commands are no noise, nor are steps of the command
-        let noise_nm = reading_noise_nm(torque_nm).min(left_nm);
-        let sure_nm = SURE_STEP * noise_nm.max(digit_nm);
         let answer_nm = |k: usize| -> f64 {
             let past = command_nm[..=k].iter().rev();
             weights.iter().zip(past).map(|(w, u)| w * u).sum()
@@ -178,22 +180,30 @@ fn lost_beside(columns: &[&JointColumns], weights: &[f64], left_nm: f64) -> Opti
 }
 
 /// Noise of one reading, from the smaller ones of its steps: those in which nothing else happened.
-fn reading_noise_nm(torque_nm: &[f64]) -> f64 {
-    let steps = torque_nm.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-    let mut steps: Vec<f64> = steps.filter(|step| step.is_finite()).collect();
+fn reading_noise_nm(columns: &[JointColumns]) -> f64 {
+    let mut steps = steps(columns, Signal::MotorTorqueNm);
     steps.sort_by(f64::total_cmp);
     // a fifth of normal values are within a quarter of their deviation; a step has two readings
     let fifth_nm = steps.get(steps.len() / 5).copied().unwrap_or(0.0);
     fifth_nm / 0.2533 / 2.0_f64.sqrt()
 }
 
-/// The smallest step between two rows that differ; none where the values are not in steps.
-fn smallest_step(values: &[f64]) -> Option<f64> {
-    let mut steps: Vec<f64> = values
-        .windows(2)
+/// Sizes of a signal's steps from row to row.
+fn steps(columns: &[JointColumns], signal: Signal) -> Vec<f64> {
+    let values = columns
+        .iter()
+        .filter_map(|columns| columns.signals.get(&signal));
+    values
+        .flat_map(|values| values.windows(2))
         .map(|pair| (pair[1] - pair[0]).abs())
-        .filter(|step| step.is_finite() && *step > 0.0)
-        .collect();
+        .filter(|step| step.is_finite())
+        .collect()
+}
+
+/// The smallest step of a signal between two rows that differ; none where its values are not in steps.
+fn step_of(columns: &[JointColumns], signal: Signal) -> Option<f64> {
+    let mut steps = steps(columns, signal);
+    steps.retain(|step| *step > 0.0);
     steps.sort_by(f64::total_cmp);
     // rounding makes steps of nothing: the smallest that many agree on
     let first = steps
@@ -214,17 +224,13 @@ fn smallest_step(values: &[f64]) -> Option<f64> {
 }
 
 fn coarse_encoder(
-    columns: &[&JointColumns],
+    columns: &[JointColumns],
     signal: Signal,
     side: EncoderSide,
     file_rad: Option<f64>,
     noise_rad: f64,
 ) -> Option<Found> {
-    let steps: Vec<f64> = columns
-        .iter()
-        .filter_map(|columns| smallest_step(columns.signals.get(&signal)?))
-        .collect();
-    let step_rad = steps.iter().copied().fold(f64::NAN, f64::max);
+    let step_rad = step_of(columns, signal)?;
     let expected_rad = file_rad.unwrap_or(0.0);
     // a step below the noise is no coarser encoder than the noise makes it anyway
     let is_coarse = step_rad > COARSER * expected_rad && step_rad > COARSER * noise_rad;
@@ -240,8 +246,20 @@ fn coarse_encoder(
     })
 }
 
-/// How far the reported velocity is behind the derivative of the reported position.
-fn slow_velocity(columns: &[&JointColumns], rate_hz: f64) -> Option<Found> {
+/// By how much the robot file's velocity filter delays a slow motion: the sum of its poles' time constants.
+fn lag_of_filter_s(control: &Control) -> f64 {
+    if control.velocity_filter_hz <= 0.0 {
+        return 0.0;
+    }
+    let order = f64::from(control.velocity_filter_order);
+    // a Butterworth filter's poles lie on a circle
+    1.0 / (std::f64::consts::TAU * control.velocity_filter_hz)
+        / (std::f64::consts::PI / (2.0 * order)).sin()
+}
+
+/// How far the reported velocity is behind the derivative of the reported position, where that is more than a told lag and the
+/// half sample of a backward difference.
+fn slow_velocity(columns: &[JointColumns], rate_hz: f64, told_s: f64) -> Option<Found> {
     let period_s = 1.0 / rate_hz;
     let (mut slope, mut square, mut left, mut rows) = (0.0, 0.0, 0.0, 0.0);
     let mut pairs: Vec<(f64, f64)> = Vec::new();
@@ -281,7 +299,8 @@ fn slow_velocity(columns: &[&JointColumns], rate_hz: f64) -> Option<Found> {
         left += (behind - lag_s * change).powi(2);
     }
     let std_s = (left / (rows - 1.0) / square).sqrt();
-    if lag_s < LAG_MIN_S || lag_s < SURE * std_s {
+    let usual_s = LAG_MIN_S.max(USUAL_LAG * told_s + 0.5 * period_s);
+    if lag_s < usual_s || lag_s < SURE * std_s {
         return None;
     }
     let cutoff_hz = 1.0 / (std::f64::consts::TAU * lag_s);
@@ -314,7 +333,7 @@ mod tests {
         let joint = columns(vec![(Signal::MotorPositionRad, coarse)]);
         let find = |file| {
             coarse_encoder(
-                &[&joint],
+                std::slice::from_ref(&joint),
                 Signal::MotorPositionRad,
                 EncoderSide::Motor,
                 Some(file),
@@ -327,8 +346,11 @@ mod tests {
         };
         assert!((resolution_rad - 0.01).abs() < 1e-6);
         assert!(find(0.01).is_none());
-        let smooth: Vec<f64> = (0..20_000).map(wave).collect();
-        assert_eq!(smallest_step(&smooth), None);
+        let smooth = columns(vec![(
+            Signal::MotorPositionRad,
+            (0..20_000).map(wave).collect(),
+        )]);
+        assert_eq!(step_of(&[smooth], Signal::MotorPositionRad), None);
     }
 
     #[test]
@@ -345,7 +367,7 @@ mod tests {
             (Signal::MotorPositionRad, (0..20_000).map(wave).collect()),
             (Signal::MotorVelocityRadS, told),
         ]);
-        let found = slow_velocity(&[&joint], 1000.0).unwrap();
+        let found = slow_velocity(std::slice::from_ref(&joint), 1000.0, 0.0).unwrap();
         let Effect::VelocityFilterLag {
             cutoff_hz: found_hz,
         } = found.effect
@@ -353,6 +375,31 @@ mod tests {
             panic!("{found:?}");
         };
         assert!((found_hz / cutoff_hz - 1.0).abs() < 0.2, "{found_hz}");
+        // told, it is no fault
+        let told_s = 1.0 / (std::f64::consts::TAU * cutoff_hz);
+        assert_eq!(slow_velocity(&[joint], 1000.0, told_s), None);
+    }
+
+    #[test]
+    fn a_leap_between_trajectories_is_no_slow_drive() {
+        let [mut rows, mut torque] = [(); 2].map(|()| command());
+        // each trajectory begins anywhere, and the drive follows a row later within it
+        for (k, u) in rows.iter_mut().enumerate() {
+            *u += 40.0 * ((k / 5000) as f64 * 2.0).sin();
+        }
+        torque[1..].copy_from_slice(&rows[..19_999]);
+        for first in [0, 5000, 10_000, 15_000] {
+            torque[first] = rows[first];
+        }
+        let joint = columns(vec![
+            (Signal::CommandTorqueNm, rows),
+            (Signal::MotorTorqueNm, torque),
+        ]);
+        let runs: Vec<JointColumns> = [0..5000, 5000..10_000, 10_000..15_000, 15_000..20_000]
+            .map(|rows| crate::runs::cut(&joint, rows))
+            .into();
+        assert_eq!(slow_drive(&runs, 1e-3, Some(0)), []);
+        assert_eq!(lost_commands(&runs, 1e-3, 0), None);
     }
 
     /// A drive that follows a command a sample later, but for those it loses.
@@ -374,7 +421,7 @@ mod tests {
     #[test]
     fn steps_that_the_drive_left_out_are_counted() {
         let joint = losing(command(), |k| k % 50 == 7);
-        let found = lost_commands(&[&joint], 1e-3, 0).unwrap();
+        let found = lost_commands(&[joint], 1e-3, 0).unwrap();
         let Effect::DroppedCommands { fraction } = found.effect else {
             panic!("{found:?}");
         };
@@ -387,7 +434,7 @@ mod tests {
         // digits that have nothing to do with the command's steps
         let digits: Vec<f64> = command.iter().map(|u| (u * 1e6).abs().fract()).collect();
         let joint = losing(command, |k| digits[(k * 7 + 5) % 20_000] < 0.5);
-        let found = lost_commands(&[&joint], 1e-3, 0).unwrap();
+        let found = lost_commands(&[joint], 1e-3, 0).unwrap();
         let Effect::DroppedCommands { fraction } = found.effect else {
             panic!("{found:?}");
         };
