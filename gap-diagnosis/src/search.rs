@@ -12,6 +12,7 @@ use crate::hypothesis::{Hypothesis, plain};
 use crate::known::Known;
 use crate::observe::Channel;
 use crate::scale::Scale;
+use crate::simulate::Between;
 use crate::twin::{Changes, JointTwin};
 use crate::whiten::{Floor, Whitener, series};
 
@@ -150,8 +151,11 @@ impl<'a> Search<'a> {
         let whitener = whitener.doubting(&doubts_nm(twin)?);
         let has_link_encoder = stretches.iter().any(|stretch| stretch.link_rad.is_some());
         let has_command = stretches.iter().all(|stretch| stretch.has_command);
-        // where the drive reports its torque beside the command, its delay and lag are read off the samples
-        let timing_is_open = !twin.channels.contains(&Channel::Drive);
+        // where the drive reports its torque beside every command, its delay and lag are read off the samples
+        let lacks_commands = stretches
+            .iter()
+            .any(|stretch| stretch.drive.between == Between::Line);
+        let timing_is_open = lacks_commands || !twin.channels.contains(&Channel::Drive);
         Ok(Self {
             twin,
             scale,
