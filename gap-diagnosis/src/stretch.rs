@@ -17,6 +17,8 @@ const STRETCH_MIN_S: f64 = 1.0;
 /// Part of a motion's acceleration that a link's encoder may blur if the motion is taken from it: what a twin gets wrong of
 /// others' motion anyway.
 const BLUR_PART: f64 = 0.02;
+/// How far a joint's two encoders may be apart to show one motion.
+const AGREE_RAD: f64 = 0.05;
 /// Rows without a value are bridged over so many; what lies in longer holes does not count.
 const BRIDGED_ROWS: usize = 3;
 
@@ -258,7 +260,9 @@ fn stretch(
             let moving_rad_s2 = behind.acceleration_rad_s2(joint);
             let encoder =
                 link_encoder(file).filter(|encoder| tells_swing(*encoder, moving_rad_s2, rate_hz));
-            if let Some((link_rad, encoder)) = position.link_rad.as_ref().zip(encoder) {
+            let link_rad = position.link_rad.as_ref();
+            let link_rad = link_rad.filter(|link_rad| agree(link_rad, &position.motor_rad));
+            if let Some((link_rad, encoder)) = link_rad.zip(encoder) {
                 motion.set(joint, link_rad)?;
                 encoders[joint] = encoder;
             }
@@ -316,6 +320,12 @@ fn tells_swing([step_rad, noise_rad]: [f64; 2], moving_rad_s2: &[f64], rate_hz: 
         * (2.0 * cutoff_hz / rate_hz).sqrt();
     let square: f64 = moving_rad_s2.iter().map(|x| x * x).sum();
     blur_rad_s2.powi(2) < BLUR_PART.powi(2) * square / moving_rad_s2.len().max(1) as f64
+}
+
+/// Whether two encoders of one joint show the same motion, but for what gears twist and zeros are off.
+fn agree(link_rad: &[f64], motor_rad: &[f64]) -> bool {
+    let mut both = link_rad.iter().zip(motor_rad);
+    both.all(|(link_rad, motor_rad)| (link_rad - motor_rad).abs() < AGREE_RAD)
 }
 
 /// What the encoders say, joint side.

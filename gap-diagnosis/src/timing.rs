@@ -4,6 +4,7 @@
 //! recorders write down the torque that acts from a row on instead: that is their order of work, and no effect. Where the
 //! robot file tells no controller, nobody told a delay either.
 
+use rayon::prelude::*;
 use recording::{JointColumns, Recording, Signal};
 use robot::{Control, ControlKind, Robot, RobotJoint};
 
@@ -43,7 +44,7 @@ impl Timing {
             return timing;
         };
         let after = |told: Option<f64>| -> Vec<Option<f64>> {
-            let joints = robot.joints.iter();
+            let joints = robot.joints.par_iter();
             let of_joint = |joint| answered_after(&columns(recordings, joint), 1.0 / rate_hz, told);
             joints.map(of_joint).collect()
         };
