@@ -9,7 +9,7 @@ use robot::Effect;
 use crate::evidence::{Remains, naming, remains, tempered_nats};
 use crate::found::Found;
 use crate::refine::Refined;
-use crate::search::{Model, Search, Term};
+use crate::search::{Model, PLAUSIBLE_STEPS, Search, Term};
 use crate::step::Step;
 
 /// Effects that joints may share.
@@ -69,8 +69,8 @@ impl Shared {
                 })
                 .collect::<Result<Vec<_>, FilterError>>()?;
             let count = self.term.amplitudes.len();
-            let mut matrix = DMatrix::zeros(count, count);
-            let mut vector = DVector::zeros(count);
+            let mut matrix = plausible(count);
+            let mut vector = -&matrix * DVector::from_column_slice(&self.term.amplitudes);
             for (joint, told) in told.into_iter().enumerate() {
                 if let Some((worth, told)) = told {
                     models[joint].clone_from(&told.refined.model);
@@ -100,6 +100,12 @@ impl Shared {
         }
         Ok(fitted)
     }
+}
+
+/// What is known of amplitudes before anything is seen, as a matrix of information: the tilt about an axis along which every
+/// joint turns shows nowhere.
+fn plausible(count: usize) -> DMatrix<f64> {
+    DMatrix::identity(count, count) * PLAUSIBLE_STEPS.powi(-2)
 }
 
 fn inverse(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
@@ -230,6 +236,7 @@ fn fit(effect: &str, joints: &[Option<Seen<'_, '_>>]) -> Option<(f64, Shared)> {
         });
     }
     let (matrix, vector) = sum?;
+    let matrix = matrix + plausible(vector.len());
     let hypothesis = hypothesis?;
     let inverse = inverse(&matrix)?;
     let mut amplitudes = &inverse * &vector;
