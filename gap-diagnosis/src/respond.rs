@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::hypothesis::{Hypothesis, periodic};
 use crate::observe::Channel;
 use crate::search::{Model, Search, difference};
-use crate::spectrum::{Beside, peaks};
+use crate::spectrum::{Beside, most_seen, peaks};
 use crate::twin::{Changes, Row};
 
 /// Peaks over the motor angle that are tried.
@@ -117,6 +117,7 @@ impl Search<'_> {
             .collect();
         let target = self.whitener.apply(&linear.residual_nm);
         let beside = Beside::new(&known, &target);
+        let most = most_seen(rows, self.scale.gear_ratio, 1.0 / self.scale.period_s);
         for channel in [Channel::Motor, Channel::Torsion] {
             let (whitener, places) = self.whitener.only(rows, channel);
             let beside = beside.only(&places);
@@ -138,7 +139,7 @@ impl Search<'_> {
                 };
                 let gain =
                     |cycles: f64| beside.gain(&wave(f64::sin, cycles), &wave(f64::cos, cycles));
-                for found in peaks(&of_channel, gain, PEAKS) {
+                for found in peaks(&of_channel, most, gain, PEAKS) {
                     if !cycles
                         .iter()
                         .any(|known| (known / found - 1.0).abs() < 0.01)

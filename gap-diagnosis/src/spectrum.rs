@@ -68,20 +68,21 @@ impl Beside {
     }
 }
 
-/// Cycles per motor turn at which a gain peaks, the highest first, as far as the rows' range of angles tells them apart.
-pub fn peaks(rows: &[&Row], gain: impl Fn(f64) -> f64 + Sync, count: usize) -> Vec<f64> {
+/// Cycles per motor turn at which a gain peaks, the highest first, as far as the rows' range of angles tells them apart and
+/// below `most`.
+pub fn peaks(rows: &[&Row], most: f64, gain: impl Fn(f64) -> f64 + Sync, count: usize) -> Vec<f64> {
     let angles = || rows.iter().map(|row| row.motor_angle_rad);
     let (low, high) = angles().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
         (low.min(x), high.max(x))
     });
     let turns = (high - low) / TAU;
     let lowest = CYCLES[0].max(PERIODS_MIN / turns.max(1e-9));
-    let step =
-        (1.0 / (OVERSAMPLING * turns.max(1e-9))).max((CYCLES[1] - lowest) / TRIED_MAX as f64);
-    if lowest >= CYCLES[1] || rows.len() < 20 {
+    let highest = CYCLES[1].min(most);
+    let step = (1.0 / (OVERSAMPLING * turns.max(1e-9))).max((highest - lowest) / TRIED_MAX as f64);
+    if lowest >= highest || rows.len() < 20 {
         return Vec::new();
     }
-    let tried = ((CYCLES[1] - lowest) / step) as usize + 1;
+    let tried = ((highest - lowest) / step) as usize + 1;
     let gains: Vec<f64> = (0..tried)
         .into_par_iter()
         .map(|k| gain(lowest + k as f64 * step))
@@ -100,6 +101,17 @@ pub fn peaks(rows: &[&Row], gain: impl Fn(f64) -> f64 + Sync, count: usize) -> V
         .take(count)
         .map(|(cycles, _)| cycles)
         .collect()
+}
+
+/// Cycles per motor turn of which samples at this rate see two a cycle or more, at the speed of half of all rows.
+pub fn most_seen(rows: &[Row], gear_ratio: f64, rate_hz: f64) -> f64 {
+    let mut turns_s: Vec<f64> = rows
+        .iter()
+        .map(|row| (row.velocity_rad_s * gear_ratio / TAU).abs())
+        .collect();
+    turns_s.sort_by(f64::total_cmp);
+    let usual = turns_s.get(turns_s.len() / 2).copied().unwrap_or(0.0);
+    0.5 * rate_hz / usual.max(1e-9)
 }
 
 /// What repeats with a shaft repeats a whole number of times: taken where the range cannot tell it from the peak.
@@ -149,6 +161,14 @@ mod tests {
         let beside = Beside::new(&[known], &target);
         let all: Vec<&Row> = rows.iter().collect();
         let gain = |cycles: f64| beside.gain(&wave(f64::sin, cycles), &wave(f64::cos, cycles));
-        assert_eq!(peaks(&all, gain, 2)[0], 2.0);
+        assert_eq!(peaks(&all, f64::INFINITY, gain, 2)[0], 2.0);
+        // half of all rows turn faster than 3.4 times a second
+        let most = most_seen(&rows, 1.0, 10.0);
+        assert!((most - 1.5).abs() < 0.1, "{most}");
+        assert!(
+            peaks(&all, most, gain, 2)
+                .iter()
+                .all(|cycles| *cycles <= 2.0)
+        );
     }
 }
