@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use crate::evidence::{Remains, remains, together, unknown_probability, variance_of};
 use crate::hypothesis::Hypothesis;
+use crate::judge::shrink_alone;
 use crate::rank::Round;
 use crate::refine::Refined;
 use crate::search::{Model, Search, Term, strain};
@@ -24,6 +25,8 @@ const FURTHER_PART: f64 = 0.01;
 const FURTHER_MOST_NATS: f64 = 40.0;
 /// The same for one that repeats over the angle as an effect before does.
 const COMPANION_PART: f64 = 0.05;
+/// Shrink below which an effect alone makes the gap larger.
+const WORSE_ALONE: f64 = -0.05;
 /// Standard deviations of a sum of squares above its mean at which known values are strained.
 const STRAINED: f64 = 3.0;
 
@@ -54,6 +57,12 @@ impl Explanation {
     /// Whether a torque of no named law is left.
     pub fn remains(&self) -> Remains {
         remains(&self.last().structure, self.named_gain())
+    }
+
+    /// Whether the names only imitate something else: they leave most of it, or a steady vibration takes off more.
+    fn is_imitation(&self, search: &Search<'_>, first: &Step) -> bool {
+        self.remains() == Remains::Most
+            || search.vibration_gain(&first.base.residual_nm) > self.named_gain()
     }
 
     /// Probability that the cause is on no list.
@@ -150,6 +159,7 @@ impl Beginning {
         {
             growing.start_anew(first)?;
         }
+        let is_series = growing.drop_series()?;
         let named_gain = growing.named_gain(&without);
         let mut rounds = growing.added;
         rounds.push(growing.last);
@@ -159,8 +169,8 @@ impl Beginning {
             rounds,
             named_gain,
         };
-        if explanation.named_gain() > 0.0 && explanation.remains() == Remains::Most {
-            // names that leave most of it would be wrong names
+        let is_named = explanation.named_gain() > 0.0;
+        if is_series && !is_named || is_named && explanation.is_imitation(search, first) {
             return Ok(Explanation {
                 refined: without.clone(),
                 without,
@@ -202,6 +212,36 @@ impl Growing<'_, '_> {
         }
         let total = |of: &Refined| self.search.left(&of.model, &of.residual_nm).total();
         0.5 * (total(without) - total(&self.refined))
+    }
+
+    /// Takes effects out that each make the gap larger and help against one another only, as terms of a series do. True if
+    /// there were some.
+    fn drop_series(&mut self) -> Result<bool, FilterError> {
+        let model = &self.refined.model;
+        if model.terms.len() < 2 {
+            return Ok(false);
+        }
+        let start = Model::of_settled(self.search, &model.settled);
+        let before_nm = self.search.residual_nm(&start)?;
+        let terms = 0..model.terms.len();
+        let is_worse: Vec<bool> = terms
+            .map(|term| {
+                let shrink =
+                    shrink_alone(self.search, &self.refined, &model.settled, term, &before_nm);
+                shrink < WORSE_ALONE
+            })
+            .collect();
+        if is_worse.iter().filter(|is_worse| **is_worse).count() < 2 {
+            return Ok(false);
+        }
+        let mut rest = model.clone();
+        for term in (0..is_worse.len()).rev().filter(|term| is_worse[*term]) {
+            rest.terms.remove(term);
+            self.added.remove(term);
+        }
+        self.refined = self.search.refine(self.responses, &rest)?;
+        self.look()?;
+        Ok(true)
     }
 
     /// Whether a torque of no named law is left.

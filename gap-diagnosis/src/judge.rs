@@ -251,11 +251,17 @@ fn side(effect: &Effect) -> Option<String> {
     fields.get("side")?.as_str().map(str::to_owned)
 }
 
-/// The effect's own share: how far the gap shrinks with one term alone.
-pub fn shrink_alone(search: &Search<'_>, refined: &Refined, term: usize, before_nm: &[f64]) -> f64 {
+/// The effect's own share: how far the gap shrinks with one term alone, beside what is settled.
+pub fn shrink_alone(
+    search: &Search<'_>,
+    refined: &Refined,
+    settled: &[Term],
+    term: usize,
+    before_nm: &[f64],
+) -> f64 {
     let alone = Model {
         known: refined.model.known.clone(),
-        settled: Vec::new(),
+        settled: settled.to_vec(),
         terms: vec![refined.model.terms[term].clone()],
     };
     let Ok(after_nm) = search.residual_nm(&alone) else {

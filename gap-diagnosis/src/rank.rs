@@ -15,7 +15,8 @@ use crate::observe::Channel;
 use crate::refine::Refined;
 use crate::respond::Linear;
 use crate::search::{Model, Search, Term, strain};
-use crate::shapes::{evidence_nats, families, on_sides};
+use crate::shapes::{Family, evidence_nats, families, foreign_vibration, on_sides};
+use crate::spectrum::Beside;
 use crate::trust::Trust;
 
 /// Hypotheses whose responses are found anew beside a model with effects.
@@ -390,6 +391,21 @@ impl Search<'_> {
                 (family.over, nats - trust.nats(family.over))
             })
             .collect()
+    }
+
+    /// Half the squares that a steady vibration alone takes off a residual, at a frequency that is not the motion's.
+    pub(crate) fn vibration_gain(&self, residual_nm: &[f64]) -> f64 {
+        let rows = &self.twin.rows;
+        let Some(vibration) = foreign_vibration(rows, residual_nm) else {
+            return 0.0;
+        };
+        let target = Beside::new(&[], &self.whitener.apply(residual_nm));
+        let gain = |of: Family| {
+            let [sin, cos] = [0, 1].map(|k| self.whitener.apply(&of.columns[k]));
+            0.5 * target.gain(&sin, &cos)
+        };
+        let sides = on_sides(&vibration, rows).into_iter();
+        sides.map(gain).fold(0.0, f64::max)
     }
 
     /// Root mean square over the motor's channel.

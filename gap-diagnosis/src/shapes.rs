@@ -18,6 +18,11 @@ const HATS: usize = 12;
 const HATS_OVER_TIME: usize = 40;
 /// Frequencies of vibration that are tried, from the first to the last.
 const VIBRATION_HZ: [f64; 2] = [0.3, 14.0];
+/// Parts of a step in which the strongest one is sought anew.
+const FINER: i32 = 8;
+/// The slowest motion whose frequency is looked for, and its harmonics.
+const MOTION_HZ_LEAST: f64 = 0.03;
+const MOTION_HARMONICS: i32 = 3;
 /// Prior deviations of a coefficient that are tried, in powers of this factor.
 const PRIOR_STEP: f64 = 2.5;
 const PRIORS: i32 = 14;
@@ -230,15 +235,50 @@ fn travelled(rows: &[Row]) -> Vec<f64> {
 
 /// Sine and cosine over time at the frequency at which the residual of the motor's channel is strongest.
 fn vibration(rows: &[Row], residual_nm: &[f64]) -> Option<Family> {
+    let (hz, tried) = strongest_hz(rows, residual_nm, VIBRATION_HZ)?;
+    let angles = || rows.iter().map(|row| TAU * hz * row.time_s);
+    Some(Family {
+        over: "time, as a vibration",
+        columns: vec![
+            angles().map(f64::sin).collect(),
+            angles().map(f64::cos).collect(),
+        ],
+        tried: tried as f64,
+    })
+}
+
+/// A steady vibration, unless its frequency is one of the motion itself: what follows the motion vibrates with it.
+pub fn foreign_vibration(rows: &[Row], residual_nm: &[f64]) -> Option<Family> {
+    let (hz, _) = strongest_hz(rows, residual_nm, VIBRATION_HZ)?;
+    let count = rows.len().max(1) as f64;
+    let mean_rad = rows.iter().map(|row| row.position_rad).sum::<f64>() / count;
+    let position: Vec<f64> = rows.iter().map(|row| row.position_rad - mean_rad).collect();
+    let (motion_hz, _) = strongest_hz(rows, &position, [MOTION_HZ_LEAST, VIBRATION_HZ[1]])?;
+    let apart_hz = |harmonic: i32| (hz - f64::from(harmonic) * motion_hz).abs();
+    let is_motion = (1..=MOTION_HARMONICS).any(|harmonic| apart_hz(harmonic) < 2.0 * step_hz(rows));
+    if is_motion {
+        None
+    } else {
+        vibration(rows, residual_nm)
+    }
+}
+
+/// Half of what the rows' time tells apart.
+fn step_hz(rows: &[Row]) -> f64 {
+    let end_s = rows.iter().map(|row| row.time_s).fold(0.0, f64::max);
+    0.5 / end_s.max(1.0)
+}
+
+/// The frequency at which a series has most power in the motor's channel, and how many were tried.
+fn strongest_hz(rows: &[Row], values: &[f64], range_hz: [f64; 2]) -> Option<(f64, usize)> {
     let motor: Vec<(f64, f64)> = rows
         .iter()
-        .zip(residual_nm)
+        .zip(values)
         .filter(|(row, _)| row.channel == Channel::Motor)
         .map(|(row, value)| (row.time_s, *value))
         .collect();
-    let end_s = motor.iter().map(|(time_s, _)| *time_s).fold(0.0, f64::max);
-    let step_hz = 0.5 / end_s.max(1.0);
-    let tried = ((VIBRATION_HZ[1] - VIBRATION_HZ[0]) / step_hz) as usize;
+    let step_hz = step_hz(rows);
+    let tried = ((range_hz[1] - range_hz[0]) / step_hz) as usize;
     let power = |hz: f64| {
         let (mut sin_sum, mut cos_sum) = (0.0, 0.0);
         for (time_s, value) in &motor {
@@ -248,19 +288,13 @@ fn vibration(rows: &[Row], residual_nm: &[f64]) -> Option<Family> {
         }
         sin_sum * sin_sum + cos_sum * cos_sum
     };
-    let strongest = (0..tried)
-        .map(|k| VIBRATION_HZ[0] + k as f64 * step_hz)
-        .map(|hz| (hz, power(hz)))
-        .max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let angles = || rows.iter().map(|row| TAU * strongest.0 * row.time_s);
-    Some(Family {
-        over: "time, as a vibration",
-        columns: vec![
-            angles().map(f64::sin).collect(),
-            angles().map(f64::cos).collect(),
-        ],
-        tried: tried as f64,
-    })
+    let strongest = |of: &mut dyn Iterator<Item = f64>| {
+        let powers = of.map(|hz| (hz, power(hz)));
+        powers.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(hz, _)| hz)
+    };
+    let near_hz = strongest(&mut (0..tried).map(|k| range_hz[0] + k as f64 * step_hz))?;
+    let finer = |k: i32| near_hz + f64::from(k) / f64::from(FINER) * step_hz;
+    Some((strongest(&mut (-FINER..=FINER).map(finer))?, tried))
 }
 
 #[cfg(test)]
@@ -274,6 +308,42 @@ mod tests {
         for k in 0..100 {
             let sum: f64 = hats.iter().map(|hat| hat[k]).sum();
             assert!((sum - 1.0).abs() < 1e-12, "{k}: {sum}");
+        }
+    }
+
+    #[test]
+    fn a_vibration_is_foreign_unless_the_motion_swings_with_it() {
+        let rows: Vec<Row> = (0..1800)
+            .map(|k| {
+                let time_s = f64::from(k) / 60.0;
+                Row {
+                    stretch: 0,
+                    channel: Channel::Motor,
+                    time_s,
+                    position_rad: 0.2 + (TAU * 0.31 * time_s).sin(),
+                    velocity_rad_s: 0.0,
+                    acceleration_rad_s2: 0.0,
+                    load_nm: 0.0,
+                    motor_angle_rad: 0.0,
+                    inertial_nm: 0.0,
+                    vibrating_nm: 0.0,
+                    beating_nm: 0.0,
+                }
+            })
+            .collect();
+        let at = |hz: f64| -> Vec<f64> {
+            let angles = rows.iter().map(|row| TAU * hz * row.time_s + 0.7);
+            angles.map(f64::sin).collect()
+        };
+        let vibration = foreign_vibration(&rows, &at(4.693)).expect("none of the motion's");
+        let along = |column: &Vec<f64>| -> f64 {
+            let both = column.iter().zip(at(4.693));
+            both.map(|(a, b)| a * b).sum::<f64>() / 900.0
+        };
+        let size = along(&vibration.columns[0]).hypot(along(&vibration.columns[1]));
+        assert!((size - 1.0).abs() < 0.01, "{size}");
+        for harmonic in [1.0, 2.0, 3.0] {
+            assert!(foreign_vibration(&rows, &at(0.31 * harmonic)).is_none());
         }
     }
 

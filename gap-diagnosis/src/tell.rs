@@ -101,7 +101,7 @@ impl Told<'_> {
                     probability: (1.0 - RISK) * step.probability_of(name),
                     parameters,
                     side,
-                    shrink_alone: judge::shrink_alone(self.search, refined, term, before_nm),
+                    shrink_alone: judge::shrink_alone(self.search, refined, &[], term, before_nm),
                 }
             })
             .collect();
