@@ -13,38 +13,19 @@
 //! their values at the end of a step, so no stiffness asks for a smaller one. Friction is a spring that slips
 //! (elasto-plastic: Dupont, Hayward, Armstrong, Altpeter, IEEE Trans. Automatic Control 47 (2002) 787-792).
 
+mod drive;
+mod hold;
+mod load_step;
+
 use joint_model::filter::Butterworth;
 use joint_model::friction::{Direction, Sliding};
 
 use crate::joint::{JointModel, sum};
 use crate::load::Load;
-
-/// What the recording gives the simulation, at a constant rate.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Drive {
-    /// Between two samples.
-    pub period_s: f64,
-    /// Of the first sample since the recording began.
-    pub start_s: f64,
-    /// Measured motor position over the gear ratio.
-    pub motor_rad: Vec<f64>,
-    /// Measured link position, where feedback is on it.
-    pub link_rad: Option<Vec<f64>>,
-    /// Torque sent, joint side.
-    pub command_nm: Vec<f64>,
-    /// What the torque did between two samples.
-    pub between: Between,
-}
-
-/// What a torque does between two samples of a recording.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Between {
-    /// It stays until the next: every command was recorded.
-    #[default]
-    Stays,
-    /// It goes on to the next in a straight line: the loop is faster than the recording.
-    Line,
-}
+pub use drive::{Between, Drive};
+use drive::{Held, between};
+use hold::Hold;
+use load_step::LoadStep;
 
 /// Feedback on the measured position, joint side.
 #[derive(Clone, Debug, PartialEq)]
@@ -184,7 +165,8 @@ pub fn simulate(
                 Way::Held => {
                     let next = now + 1.0 / substeps as f64;
                     let motor_rad = [now, next].map(|at| between(&drive.motor_rad, at + ahead));
-                    Hold::on(feedback, &joint, model, motor_rad, step_s)
+                    let rotor = [joint.motor_rad, joint.motor_rad_s];
+                    Hold::on(feedback, model, rotor, motor_rad, step_s)
                 }
             };
             held_nm += joint.advance(model, &along, *share, &hold, time_s, step_s);
@@ -273,62 +255,6 @@ impl Loop {
             None => difference_rad_s,
         };
         feedback.proportional_nm_rad * error_rad + feedback.derivative_nm_s_rad * rate_rad_s
-    }
-}
-
-/// What holds the rotor on the recorded motion during a substep: `torque - drag·velocity` with the velocity at its end.
-#[derive(Clone, Copy, Debug, Default)]
-struct Hold {
-    torque_nm: f64,
-    drag_nm_s_rad: f64,
-}
-
-impl Hold {
-    /// On the recorded positions at the substep's ends, which the motor's encoder showed with its faults.
-    fn on(
-        feedback: &Feedback,
-        joint: &State,
-        model: &JointModel,
-        [from_rad, to_rad]: [f64; 2],
-        step_s: f64,
-    ) -> Self {
-        let moved_rad = step_s * joint.motor_rad_s;
-        let fault_rad = model.motor_fault_rad(joint.motor_rad);
-        let more_rad = model.motor_fault_rad(joint.motor_rad + moved_rad) - fault_rad;
-        let shown = if more_rad == 0.0 {
-            1.0
-        } else {
-            1.0 + more_rad / moved_rad
-        };
-        let velocity_rad_s = (to_rad - from_rad) / step_s;
-        let away_rad = to_rad - fault_rad - joint.motor_rad;
-        let (stiffness, damping) = (feedback.proportional_nm_rad, feedback.derivative_nm_s_rad);
-        Self {
-            torque_nm: stiffness * away_rad + damping * velocity_rad_s,
-            drag_nm_s_rad: (stiffness * step_s + damping) * shown,
-        }
-    }
-}
-
-/// The commands that the drive holds during a substep: each until the next is old enough, which may be within it.
-struct Held {
-    /// In samples.
-    older: usize,
-    newer: usize,
-    /// Of the substep.
-    share_of_newer: f64,
-}
-
-impl Held {
-    /// In a substep of so many periods, for a command that is so many periods old at its beginning.
-    fn at(age: f64, periods: f64) -> Self {
-        let older = (age - 1e-9).ceil().max(0.0);
-        let share_of_older = ((age - (older - 1.0)) / periods).clamp(0.0, 1.0);
-        Self {
-            older: older as usize,
-            newer: (older - 1.0).max(0.0) as usize,
-            share_of_newer: 1.0 - share_of_older,
-        }
     }
 }
 
@@ -594,66 +520,6 @@ struct Gear {
     slope_nm_s_rad: f64,
 }
 
-struct LinkLoad {
-    inertia_kg_m2: f64,
-    torque_nm: f64,
-}
-
-/// The load from a sample to the next, in a straight line.
-struct LoadStep {
-    /// Inertia, torque, slope, position; and how they change until the next sample.
-    from: [f64; 4],
-    change: [f64; 4],
-}
-
-impl LoadStep {
-    fn from(load: &Load, k: usize) -> Self {
-        let next = (k + 1).min(load.torque_nm.len() - 1);
-        let columns = [
-            &load.inertia_kg_m2,
-            &load.torque_nm,
-            &load.slope_nm_rad,
-            &load.position_rad,
-        ];
-        let from = columns.map(|column| column[k]);
-        let to = columns.map(|column| column[next]);
-        Self {
-            from,
-            change: [0, 1, 2, 3].map(|i| to[i] - from[i]),
-        }
-    }
-
-    fn at(&self, model: &JointModel, share: f64, link_rad: f64) -> LinkLoad {
-        let [inertia_kg_m2, torque_nm, slope_nm_rad, position_rad] =
-            [0, 1, 2, 3].map(|i| self.from[i] + share * self.change[i]);
-        let [sin_nm, cos_nm] = model.gravity_sin_cos_nm;
-        let added_nm = if sin_nm == 0.0 && cos_nm == 0.0 {
-            0.0
-        } else {
-            let (sin, cos) = link_rad.sin_cos();
-            sin_nm * sin + cos_nm * cos
-        };
-        let springs_nm: f64 = model
-            .springs
-            .iter()
-            .map(|spring| spring.stiffness_nm_rad * (link_rad - spring.rest_rad))
-            .sum();
-        LinkLoad {
-            inertia_kg_m2,
-            torque_nm: torque_nm + slope_nm_rad * (link_rad - position_rad) + added_nm + springs_nm,
-        }
-    }
-}
-
-/// Between the values around a place; before the first and after the last one these.
-fn between(values: &[f64], at: f64) -> f64 {
-    let last = values.len() - 1;
-    let at = at.max(0.0);
-    let before = (at as usize).min(last);
-    let after = (before + 1).min(last);
-    values[before] + (at - before as f64).min(1.0) * (values[after] - values[before])
-}
-
 /// Between the remembered values around an age.
 fn delayed(periods: f64, at: impl Fn(usize) -> f64) -> f64 {
     let whole = periods as usize;
@@ -678,15 +544,20 @@ mod tests {
         substeps: Substeps,
         at: fn(f64) -> f64,
     ) -> Trace {
-        let robot = robot::load("shd17").unwrap();
         let samples = (SECONDS * rate_hz) as usize;
-        let motor_rad: Vec<f64> = (0..samples).map(|k| at(k as f64 / rate_hz)).collect();
         let drive = Drive {
             period_s: 1.0 / rate_hz,
             command_nm: vec![0.0; samples],
-            motor_rad: motor_rad.clone(),
+            motor_rad: (0..samples).map(|k| at(k as f64 / rate_hz)).collect(),
             ..Drive::default()
         };
+        driven(model, &drive, load_nm, substeps)
+    }
+
+    fn driven(model: &JointModel, drive: &Drive, load_nm: f64, substeps: Substeps) -> Trace {
+        let robot = robot::load("shd17").unwrap();
+        let motor_rad = drive.motor_rad.clone();
+        let samples = motor_rad.len();
         let load = Load {
             position_rad: motor_rad,
             velocity_rad_s: vec![0.0; samples],
@@ -695,8 +566,8 @@ mod tests {
             coupling_nm: vec![0.0; samples],
             slope_nm_rad: vec![0.0; samples],
         };
-        let feedback = control::tracking(&robot, 0, rate_hz);
-        simulate(model, &feedback, &drive, &load, substeps, None)
+        let feedback = control::tracking(&robot, 0, 1.0 / drive.period_s);
+        simulate(model, &feedback, drive, &load, substeps, None)
     }
 
     fn swing_rad(time_s: f64) -> f64 {
@@ -737,6 +608,37 @@ mod tests {
             let away_rad = motor_rad - swing_rad(k as f64 / 100.0);
             assert!(away_rad.abs() < 0.06, "sample {k}: {away_rad}");
         }
+    }
+
+    #[test]
+    fn a_torque_stays_from_sample_to_sample_or_goes_on_in_a_line() {
+        let mut prompt = nominal();
+        prompt.current_lag_s = 0.0;
+        let reported_nm = |between| {
+            let drive = Drive {
+                period_s: 0.01,
+                motor_rad: vec![0.0; 100],
+                command_nm: (0..100).map(|k| 0.01 * f64::from(k)).collect(),
+                between,
+                ..Drive::default()
+            };
+            let mut feedback = control::tracking(&robot::load("shd17").unwrap(), 0, 100.0);
+            feedback.delay_samples = 0.0;
+            let load = Load {
+                position_rad: vec![0.0; 100],
+                velocity_rad_s: vec![0.0; 100],
+                inertia_kg_m2: vec![0.1; 100],
+                torque_nm: vec![0.0; 100],
+                coupling_nm: vec![0.0; 100],
+                slope_nm_rad: vec![0.0; 100],
+            };
+            simulate(&prompt, &feedback, &drive, &load, Substeps::Fine, None).torque_nm
+        };
+        // just before sample 40 the command of sample 39 still acts; on a line it has come as far as a substep before 40
+        let stays_nm = reported_nm(Between::Stays)[40];
+        assert!((stays_nm - 0.39).abs() < 1e-9, "{stays_nm}");
+        let on_line_nm = reported_nm(Between::Line)[40];
+        assert!((on_line_nm - 0.4).abs() < 5e-4, "{on_line_nm}");
     }
 
     #[test]

@@ -434,6 +434,21 @@ mod tests {
     }
 
     #[test]
+    fn an_encoder_tells_a_swing_if_it_is_fine_and_agrees_with_the_other() {
+        let moving_rad_s2: Vec<f64> = (0..1500)
+            .map(|k| 5.0 * (0.01 * f64::from(k)).sin())
+            .collect();
+        let step_rad = |bits: i32| std::f64::consts::TAU / 2.0_f64.powi(bits);
+        assert!(tells_swing([step_rad(20), 0.0], &moving_rad_s2, 1500.0));
+        assert!(!tells_swing([step_rad(12), 0.0], &moving_rad_s2, 1500.0));
+        assert!(!tells_swing([step_rad(20), 1e-3], &moving_rad_s2, 1500.0));
+        let motor_rad = [0.0, 0.5, 1.0];
+        assert!(agree(&[0.01, 0.51, 0.99], &motor_rad));
+        // one of them turns the other way, or was counted from another zero
+        assert!(!agree(&[0.0, -0.5, -1.0], &motor_rad));
+    }
+
+    #[test]
     fn holes_are_bridged_and_long_ones_do_not_count() {
         let nan = f64::NAN;
         let (values, whole) = bridge(&[nan, 1.0, nan, 3.0, nan, nan, nan, nan, 8.0, nan]);
