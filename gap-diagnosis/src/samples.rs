@@ -17,7 +17,7 @@ const LOST_MIN: f64 = 0.002;
 const COARSER: f64 = 1.4;
 /// A velocity that lags its own position by less is filtered as it should be.
 const LAG_MIN_S: f64 = 6e-4;
-/// The same, of a told filter's lag.
+/// The same, of the lag of a told filter and a backward difference.
 const USUAL_LAG: f64 = 1.3;
 /// A step of the command stands out if it is so many times the noise.
 const SURE_STEP: f64 = 8.0;
@@ -257,8 +257,8 @@ fn lag_of_filter_s(control: &Control) -> f64 {
         / (std::f64::consts::PI / (2.0 * order)).sin()
 }
 
-/// How far the reported velocity is behind the derivative of the reported position, where that is more than a told lag and the
-/// half sample of a backward difference.
+/// How far the reported velocity is behind the derivative of the reported position, where that is clearly more than a told lag
+/// and the half sample of a backward difference.
 fn slow_velocity(columns: &[JointColumns], rate_hz: f64, told_s: f64) -> Option<Found> {
     let period_s = 1.0 / rate_hz;
     let (mut slope, mut square, mut left, mut rows) = (0.0, 0.0, 0.0, 0.0);
@@ -299,7 +299,7 @@ fn slow_velocity(columns: &[JointColumns], rate_hz: f64, told_s: f64) -> Option<
         left += (behind - lag_s * change).powi(2);
     }
     let std_s = (left / (rows - 1.0) / square).sqrt();
-    let usual_s = LAG_MIN_S.max(USUAL_LAG * told_s + 0.5 * period_s);
+    let usual_s = LAG_MIN_S.max(USUAL_LAG * (told_s + 0.5 * period_s));
     if lag_s < usual_s || lag_s < SURE * std_s {
         return None;
     }

@@ -402,7 +402,8 @@ fn joint_stretch(
             motor_rad: position.motor_rad,
             link_rad: position.link_rad.clone(),
             command_nm,
-            between,
+            // a measured torque is one instant's, before or after a command took effect
+            between: if has_command { between } else { Between::Line },
         },
         load: Load::default(),
         others_rounding_nm: Vec::new(),
