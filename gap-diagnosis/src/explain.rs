@@ -27,6 +27,8 @@ const FURTHER_MOST_NATS: f64 = 40.0;
 const COMPANION_PART: f64 = 0.05;
 /// Shrink below which an effect alone makes the gap larger.
 const WORSE_ALONE: f64 = -0.05;
+/// Part of what names take off that a vibration takes off without any known value refitted: then it is the simpler cause.
+const AS_MUCH: f64 = 0.9;
 /// Standard deviations of a sum of squares above its mean at which known values are strained.
 const STRAINED: f64 = 3.0;
 
@@ -59,10 +61,10 @@ impl Explanation {
         remains(&self.last().structure, self.named_gain())
     }
 
-    /// Whether the names only imitate something else: they leave most of it, or a steady vibration takes off more.
+    /// Whether the names only imitate something else: they leave most of it, or a steady vibration takes off as much.
     fn is_imitation(&self, search: &Search<'_>, first: &Step) -> bool {
         self.remains() == Remains::Most
-            || search.vibration_gain(&first.base.residual_nm) > self.named_gain()
+            || search.vibration_gain(&first.base.residual_nm) > AS_MUCH * self.named_gain()
     }
 
     /// Probability that the cause is on no list.
