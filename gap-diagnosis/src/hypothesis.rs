@@ -135,7 +135,8 @@ pub fn plain(
     add("base_tilt", Form::Tilt, &[]);
     add("encoder_offset", Form::EncoderOffset, &[]);
     if has_link_encoder {
-        for cycles in [1.0, 2.0] {
+        // a ring off its centre or bent, and the teeth or poles of a few more
+        for cycles in [1.0, 2.0, 4.0, 8.0] {
             add("encoder_eccentricity", Form::LinkEccentricity, &[cycles]);
         }
     }
@@ -226,7 +227,9 @@ impl Hypothesis {
 
     /// The smallest amplitude that has a meaning.
     pub fn lowest(&self, scale: &Scale) -> f64 {
-        if self.is_positive() {
+        if self.form == Form::Lag {
+            scale.least_lag_s / LAG_STEP_S
+        } else if self.is_positive() {
             0.0
         } else if matches!(self.form, Form::Coulomb | Form::Stribeck) {
             -scale.least_friction_nm / (FRICTION_STEP * scale.friction_nm)
@@ -535,6 +538,7 @@ mod tests {
             inertia_kg_m2: 1.0,
             period_s: 1e-3,
             motor_turns: 20.0,
+            least_lag_s: 0.0,
         }
     }
 
