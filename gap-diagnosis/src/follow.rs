@@ -16,7 +16,7 @@ const FAST_LAGS_S: [f64; 3] = [0.0, 0.5 * FAST_LAG_S, FAST_LAG_S];
 const LATE_STEPS: i32 = 4;
 /// Delay and time constant at which the search ends: what is best there may be anything.
 const LATEST: f64 = TAPS as f64 - 4.0;
-pub(crate) const SLOWEST_S: f64 = 0.02;
+const SLOWEST_S: f64 = 0.02;
 /// A response that leaves more of the torque's changes than this part does not tell when it came.
 const UNCLEAR: f64 = 0.5;
 /// What a slower response must be worth, in squared standard deviations.

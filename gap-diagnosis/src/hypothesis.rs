@@ -227,9 +227,7 @@ impl Hypothesis {
 
     /// The smallest amplitude that has a meaning.
     pub fn lowest(&self, scale: &Scale) -> f64 {
-        if self.form == Form::Lag {
-            scale.least_lag_s / LAG_STEP_S
-        } else if self.is_positive() {
+        if self.is_positive() {
             0.0
         } else if matches!(self.form, Form::Coulomb | Form::Stribeck) {
             -scale.least_friction_nm / (FRICTION_STEP * scale.friction_nm)
@@ -538,7 +536,6 @@ mod tests {
             inertia_kg_m2: 1.0,
             period_s: 1e-3,
             motor_turns: 20.0,
-            least_lag_s: 0.0,
         }
     }
 

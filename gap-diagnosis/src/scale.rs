@@ -38,8 +38,6 @@ pub struct Scale {
     pub period_s: f64,
     /// Range of the motor's angle.
     pub motor_turns: f64,
-    /// A shorter lag of the drive would have shown in its samples; nothing where they do not tell.
-    pub least_lag_s: f64,
 }
 
 impl Scale {
@@ -86,7 +84,6 @@ impl Scale {
             inertia_kg_m2: model.rotor_inertia_kg_m2 + inertia[inertia.len() / 2],
             period_s: stretches[0].drive.period_s,
             motor_turns: motor_turns(model.gear_ratio, stretches),
-            least_lag_s: 0.0,
         }
     }
 

@@ -8,7 +8,6 @@ use robot::Effect;
 
 use crate::evidence::Left;
 use crate::fit::Bound;
-use crate::follow::SLOWEST_S;
 use crate::hypothesis::{Hypothesis, plain};
 use crate::known::Known;
 use crate::observe::Channel;
@@ -29,8 +28,6 @@ const TWIN_QUICK: f64 = 0.002;
 const TWIN_SLOW: f64 = 0.006;
 /// Over which the slow part changes.
 const TWIN_SLOW_S: f64 = 0.15;
-/// Up to this part of the longest lag that is looked for in samples, one that is there shows there.
-const LAG_SEEN: f64 = 0.5;
 /// Standard deviations that a known value may move: beyond that it is a finding.
 const TOLERANCE: f64 = 3.0;
 /// No effect is larger than some of these steps: keeps what the motion does not excite from taking any value.
@@ -112,7 +109,7 @@ impl<'a> Search<'a> {
     /// [`FilterError`].
     pub fn new(twin: &'a JointTwin<'a>) -> Result<Self, FilterError> {
         let stretches = twin.stretches();
-        let mut scale = Scale::of(&twin.nominal, &stretches);
+        let scale = Scale::of(&twin.nominal, &stretches);
         let nominal = Changes::default();
         let clean = twin.simulated(&nominal, None)?;
         let noisy = (1..=NOISY_RUNS)
@@ -159,9 +156,6 @@ impl<'a> Search<'a> {
             .iter()
             .any(|stretch| stretch.drive.between == Between::Line);
         let timing_is_open = lacks_commands || !twin.channels.contains(&Channel::Drive);
-        if !timing_is_open {
-            scale.least_lag_s = LAG_SEEN * SLOWEST_S;
-        }
         Ok(Self {
             twin,
             scale,

@@ -13,6 +13,8 @@ const CYCLES: [f64; 2] = [0.5, 24.0];
 const PERIODS_MIN: f64 = 4.0;
 /// Steps between two numbers of cycles that the range can tell apart.
 const OVERSAMPLING: f64 = 3.0;
+/// Of the fastest speed; slower is as good as standing.
+const MOVING: f64 = 0.05;
 /// The most numbers of cycles that are tried.
 const TRIED_MAX: usize = 1500;
 
@@ -103,13 +105,15 @@ pub fn peaks(rows: &[&Row], most: f64, gain: impl Fn(f64) -> f64 + Sync, count: 
         .collect()
 }
 
-/// Cycles per motor turn of which samples at this rate see two a cycle or more, at the speed of half of all rows.
+/// Cycles per motor turn of which samples at this rate see two a cycle or more, at the speed of half of the rows that move.
 pub fn most_seen(rows: &[Row], gear_ratio: f64, rate_hz: f64) -> f64 {
     let mut turns_s: Vec<f64> = rows
         .iter()
         .map(|row| (row.velocity_rad_s * gear_ratio / TAU).abs())
         .collect();
     turns_s.sort_by(f64::total_cmp);
+    let fastest = turns_s.last().copied().unwrap_or(0.0);
+    turns_s.retain(|speed| *speed > MOVING * fastest);
     let usual = turns_s.get(turns_s.len() / 2).copied().unwrap_or(0.0);
     0.5 * rate_hz / usual.max(1e-9)
 }
@@ -162,7 +166,7 @@ mod tests {
         let all: Vec<&Row> = rows.iter().collect();
         let gain = |cycles: f64| beside.gain(&wave(f64::sin, cycles), &wave(f64::cos, cycles));
         assert_eq!(peaks(&all, f64::INFINITY, gain, 2)[0], 2.0);
-        // half of all rows turn faster than 3.4 times a second
+        // half of the rows that move turn faster than 3.5 times a second
         let most = most_seen(&rows, 1.0, 10.0);
         assert!((most - 1.5).abs() < 0.1, "{most}");
         assert!(

@@ -7,6 +7,7 @@ use crate::evidence::{
     Left, Probability, SAME_TORQUE, Simulated, Standings, standings, together, variance_of,
 };
 use crate::judge::Squares;
+use crate::observe::Channel;
 use crate::rank::{ALIKE, Round};
 use crate::refine::Refined;
 use crate::search::{Model, Search, Term};
@@ -155,8 +156,11 @@ impl Step {
             .collect::<Result<Vec<_>, FilterError>>()?;
         for ((index, _), refined) in starts.into_iter().zip(ends) {
             let left = search.left(&refined.model, &refined.residual_nm);
-            // a joint that runs away in simulation explains nothing
-            if left.total().is_finite() {
+            let effect = round.ranking.scored[index].hypothesis.effect;
+            // a joint that runs away in simulation explains nothing, nor does a lag that the drive's own torque speaks against
+            let is_told =
+                effect != "current_loop_lag" || !contradicts_drive(search, base, &refined);
+            if is_told && left.total().is_finite() {
                 refitted.push((index, left, refined));
             }
         }
@@ -246,6 +250,13 @@ impl Step {
             added: None,
         }
     }
+}
+
+/// Whether a model leaves more between command and reported torque than another.
+fn contradicts_drive(search: &Search<'_>, before: &Refined, after: &Refined) -> bool {
+    let [before, after] =
+        [before, after].map(|of| Squares::of(search, &of.residual_nm, Channel::Drive).mean());
+    after > before
 }
 
 /// The base, or a better fit of it: an effect that is not there may still have led its fit to better known values.
