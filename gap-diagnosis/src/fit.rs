@@ -444,24 +444,9 @@ impl Blocks {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::observe::Channel;
 
     fn rows(count: usize) -> Vec<Row> {
-        (0..count)
-            .map(|k| Row {
-                stretch: 0,
-                channel: Channel::Motor,
-                time_s: k as f64 * 0.1,
-                position_rad: 0.0,
-                velocity_rad_s: 0.0,
-                acceleration_rad_s2: 0.0,
-                load_nm: 0.0,
-                motor_angle_rad: 0.0,
-                inertial_nm: 0.0,
-                vibrating_nm: 0.0,
-                beating_nm: 0.0,
-            })
-            .collect()
+        (0..count).map(|k| Row::at_rest(k as f64 * 0.1)).collect()
     }
 
     fn blocks(bounds: Vec<Bound>) -> Blocks {

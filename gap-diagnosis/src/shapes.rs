@@ -317,17 +317,8 @@ mod tests {
             .map(|k| {
                 let time_s = f64::from(k) / 60.0;
                 Row {
-                    stretch: 0,
-                    channel: Channel::Motor,
-                    time_s,
                     position_rad: 0.2 + (TAU * 0.31 * time_s).sin(),
-                    velocity_rad_s: 0.0,
-                    acceleration_rad_s2: 0.0,
-                    load_nm: 0.0,
-                    motor_angle_rad: 0.0,
-                    inertial_nm: 0.0,
-                    vibrating_nm: 0.0,
-                    beating_nm: 0.0,
+                    ..Row::at_rest(time_s)
                 }
             })
             .collect();

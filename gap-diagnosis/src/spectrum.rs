@@ -131,7 +131,6 @@ fn settled(cycles: f64, turns: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::observe::Channel;
 
     #[test]
     fn a_ripple_is_found_at_its_cycles_whatever_the_speed() {
@@ -139,17 +138,9 @@ mod tests {
             .map(|k| {
                 let t = f64::from(k) * 0.01;
                 Row {
-                    stretch: 0,
-                    channel: Channel::Motor,
-                    time_s: t,
-                    position_rad: 0.0,
                     velocity_rad_s: 30.0 * t.cos(),
-                    acceleration_rad_s2: 0.0,
-                    load_nm: 0.0,
                     motor_angle_rad: 30.0 * t.sin(),
-                    inertial_nm: 0.0,
-                    vibrating_nm: 0.0,
-                    beating_nm: 0.0,
+                    ..Row::at_rest(t)
                 }
             })
             .collect();

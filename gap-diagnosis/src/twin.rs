@@ -477,6 +477,26 @@ fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointModel) -> Vec
     rows
 }
 
+#[cfg(test)]
+impl Row {
+    /// At rest, of the motor's channel.
+    pub(crate) fn at_rest(time_s: f64) -> Self {
+        Self {
+            stretch: 0,
+            channel: Channel::Motor,
+            time_s,
+            position_rad: 0.0,
+            velocity_rad_s: 0.0,
+            acceleration_rad_s2: 0.0,
+            load_nm: 0.0,
+            motor_angle_rad: 0.0,
+            inertial_nm: 0.0,
+            vibrating_nm: 0.0,
+            beating_nm: 0.0,
+        }
+    }
+}
+
 /// Seeded noise of the sensors.
 struct Sensors {
     random: Pcg64Mcg,
