@@ -235,32 +235,32 @@ fn travelled(rows: &[Row]) -> Vec<f64> {
 
 /// Sine and cosine over time at the frequency at which the residual of the motor's channel is strongest.
 fn vibration(rows: &[Row], residual_nm: &[f64]) -> Option<Family> {
-    let (hz, tried) = strongest_hz(rows, residual_nm, VIBRATION_HZ)?;
+    strongest_hz(rows, residual_nm, VIBRATION_HZ).map(|found| waves(rows, found))
+}
+
+/// Sine and cosine over time at a frequency, and how many were tried.
+fn waves(rows: &[Row], (hz, tried): (f64, usize)) -> Family {
     let angles = || rows.iter().map(|row| TAU * hz * row.time_s);
-    Some(Family {
+    Family {
         over: "time, as a vibration",
         columns: vec![
             angles().map(f64::sin).collect(),
             angles().map(f64::cos).collect(),
         ],
         tried: tried as f64,
-    })
+    }
 }
 
 /// A steady vibration, unless its frequency is one of the motion itself: what follows the motion vibrates with it.
 pub fn foreign_vibration(rows: &[Row], residual_nm: &[f64]) -> Option<Family> {
-    let (hz, _) = strongest_hz(rows, residual_nm, VIBRATION_HZ)?;
+    let found = strongest_hz(rows, residual_nm, VIBRATION_HZ)?;
     let count = rows.len().max(1) as f64;
     let mean_rad = rows.iter().map(|row| row.position_rad).sum::<f64>() / count;
     let position: Vec<f64> = rows.iter().map(|row| row.position_rad - mean_rad).collect();
     let (motion_hz, _) = strongest_hz(rows, &position, [MOTION_HZ_LEAST, VIBRATION_HZ[1]])?;
-    let apart_hz = |harmonic: i32| (hz - f64::from(harmonic) * motion_hz).abs();
+    let apart_hz = |harmonic: i32| (found.0 - f64::from(harmonic) * motion_hz).abs();
     let is_motion = (1..=MOTION_HARMONICS).any(|harmonic| apart_hz(harmonic) < 2.0 * step_hz(rows));
-    if is_motion {
-        None
-    } else {
-        vibration(rows, residual_nm)
-    }
+    (!is_motion).then(|| waves(rows, found))
 }
 
 /// Half of what the rows' time tells apart.
