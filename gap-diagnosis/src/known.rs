@@ -4,16 +4,17 @@
 use std::f64::consts::FRAC_PI_2;
 
 use joint_model::friction::{LoadTorqueRow, Sliding, StribeckFriction, StribeckRow};
-use joint_model::rigid_body::Chain;
+use joint_model::rigid_body::{Chain, Link};
 use robot::{Robot, Tolerance};
 
 use crate::joint::{Harmonic, JointModel};
 use crate::load::{Load, LoadChange, Motion};
 
-/// Links whose mass moves the joint's torque less than this part of the heaviest one's do not count.
+/// Values of links whose tolerance moves the joint's torque less than this part of what the most important one does do not
+/// count.
 const LINK_PART_MIN: f64 = 0.05;
-/// Change of mass by which a link's share of the load is found.
-const MASS_STEP: f64 = 0.1;
+/// Relative change by which a link's share of the load is found.
+const LINK_STEP: f64 = 0.1;
 /// Standard deviation of the lag of a current loop that no file speaks of.
 const LAG_S: f64 = 2e-4;
 /// How far the corners of a published table may be rounded off.
@@ -65,8 +66,12 @@ pub enum Known {
     Stiffness,
     /// Motor side.
     RotorInertia,
-    /// A link's mass, with the inertia that goes with it.
+    /// A link's mass, its inertia about its centre aside.
     Mass(usize),
+    /// Where a link's centre of mass is, along an axis of its joint's frame.
+    Centre(usize, usize),
+    /// A link's inertia about its centre of mass.
+    Inertia(usize),
     /// How far friction bends before it slips.
     Presliding,
     /// Of the current loop.
@@ -87,6 +92,21 @@ impl Known {
         matches!(self, Self::Skew | Self::Zero)
     }
 
+    /// Whether it is of a link, and so of the load of every joint before it.
+    pub fn is_of_links(self) -> bool {
+        matches!(self, Self::Mass(_) | Self::Centre(..) | Self::Inertia(_))
+    }
+
+    /// Multiplies what it is of a chain's links; nothing if it is not of links.
+    pub fn multiply(self, links: &mut [Link], factor: f64) {
+        match self {
+            Self::Mass(link) => links[link].mass_kg *= factor,
+            Self::Centre(link, axis) => links[link].centre_of_mass_m[axis] *= factor,
+            Self::Inertia(link) => links[link].inertia_kg_m2 *= factor,
+            _ => {}
+        }
+    }
+
     /// The effect that a change of the value would be called; none for what no effect is made of.
     pub fn effect(self) -> Option<&'static str> {
         match self {
@@ -101,7 +121,8 @@ impl Known {
             Self::Asymmetric => Some("asymmetric_friction"),
             Self::Stiffness => Some("torsional_compliance"),
             Self::RotorInertia => Some("rotor_inertia"),
-            Self::Mass(_) => Some("payload"),
+            Self::Mass(_) | Self::Centre(..) => Some("payload"),
+            Self::Inertia(_) => Some("link_inertia"),
             Self::Waviness(..)
             | Self::Presliding
             | Self::Lag
@@ -212,7 +233,7 @@ impl KnownValue {
             }
             Known::Skew => model.link_skew_s += change,
             Known::Zero => model.link_zero_rad += change,
-            Known::Mass(_) => {}
+            Known::Mass(_) | Known::Centre(..) | Known::Inertia(_) => {}
         }
     }
 }
@@ -232,7 +253,7 @@ fn scale_row(row: &mut LoadTorqueRow, factor: f64) {
     }
 }
 
-/// What is known of a joint, without the links' masses. `both_every_s`: time between samples, where both encoders are recorded.
+/// What is known of a joint, its links aside. `both_every_s`: time between samples, where both encoders are recorded.
 pub fn of_joint(
     model: &JointModel,
     tolerance: &Tolerance,
@@ -340,49 +361,58 @@ pub fn link_inertia(robot: &Robot, joint: usize, motion: &Motion, load: &Load) -
     }
 }
 
-/// The links whose mass matters to a joint along the motions, each with how the load changes by a standard deviation.
-pub fn masses(
+/// The values of links that matter to a joint along the motions, each with how the load changes by a standard deviation.
+pub fn of_links(
     robot: &Robot,
     joint: usize,
     motions: &[&Motion],
 ) -> Vec<(KnownValue, Vec<LoadChange>)> {
-    let deviation = robot.tolerance.of("mass_kg");
-    if deviation <= 0.0 {
-        return Vec::new();
-    }
+    let links = robot.chain.links();
+    let axes = |link: usize| (0..3).map(move |axis| Known::Centre(link, axis));
+    let all = (joint..links.len())
+        .flat_map(|link| [Known::Mass(link), Known::Inertia(link)].into_iter().chain(axes(link)))
+        .filter_map(|known| {
+            let (name, is_there) = match known {
+                Known::Centre(link, axis) => {
+                    ("centre_of_mass_m", links[link].centre_of_mass_m[axis] != 0.0)
+                }
+                Known::Inertia(_) => ("inertia_kg_m2", true),
+                _ => ("mass_kg", true),
+            };
+            let deviation = robot.tolerance.of(name);
+            (is_there && deviation > 0.0).then_some(KnownValue { known, deviation })
+        });
     let loads: Vec<_> = motions
         .iter()
         .map(|motion| motion.load(&robot.chain, joint))
         .collect();
-    let mut found = Vec::new();
-    for index in joint..robot.joints.len() {
-        let mut links = robot.chain.links().to_vec();
-        links[index].mass_kg *= 1.0 + MASS_STEP;
-        links[index].inertia_kg_m2 *= 1.0 + MASS_STEP;
+    let mut found: Vec<(KnownValue, Vec<LoadChange>, f64)> = Vec::new();
+    for value in all {
+        let mut links = links.to_vec();
+        value.known.multiply(&mut links, 1.0 + LINK_STEP);
         let tool = nalgebra::Isometry3::identity();
-        let Ok(heavier) = Chain::new(&links, robot.chain.gravity_m_s2(), tool) else {
+        let Ok(other) = Chain::new(&links, robot.chain.gravity_m_s2(), tool) else {
             continue;
         };
-        let mut changes = Vec::with_capacity(loads.len());
-        for (motion, load) in motions.iter().zip(&loads) {
-            let change = LoadChange::between(load, &motion.load(&heavier, joint));
-            changes.push(change.times(deviation / MASS_STEP));
-        }
-        let known = KnownValue {
-            known: Known::Mass(index),
-            deviation,
-        };
-        found.push((known, changes));
-    }
-    let size = |changes: &[LoadChange]| {
-        changes
+        let changes: Vec<LoadChange> = motions
             .iter()
-            .map(LoadChange::torque_rms_nm)
-            .fold(0.0, f64::max)
-    };
-    let largest = found.iter().map(|(_, c)| size(c)).fold(0.0, f64::max);
-    found.retain(|(known, changes)| {
-        known.known == Known::Mass(joint) || size(changes) > LINK_PART_MIN * largest
-    });
+            .zip(&loads)
+            .map(|(motion, load)| {
+                LoadChange::between(load, &motion.load(&other, joint))
+                    .times(value.deviation / LINK_STEP)
+            })
+            .collect();
+        let sizes_nm = changes
+            .iter()
+            .zip(motions)
+            .map(|(change, motion)| change.rms_nm(motion.acceleration_rad_s2(joint)));
+        let size_nm = sizes_nm.fold(0.0, f64::max);
+        found.push((value, changes, size_nm));
+    }
+    let largest_nm = found.iter().map(|(.., size_nm)| *size_nm).fold(0.0, f64::max);
     found
+        .into_iter()
+        .filter(|(.., size_nm)| *size_nm > LINK_PART_MIN * largest_nm)
+        .map(|(value, changes, _)| (value, changes))
+        .collect()
 }

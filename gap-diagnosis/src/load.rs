@@ -95,10 +95,14 @@ impl LoadChange {
         all.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     }
 
-    /// Root mean square of the torque.
-    pub fn torque_rms_nm(&self) -> f64 {
+    /// Root mean square of the torque it takes to move the joint so.
+    pub fn rms_nm(&self, acceleration_rad_s2: &[f64]) -> f64 {
         let count = self.torque_nm.len().max(1) as f64;
-        (self.torque_nm.iter().map(|x| x * x).sum::<f64>() / count).sqrt()
+        let rows = self.torque_nm.iter().zip(&self.inertia_kg_m2);
+        let torques_nm = rows
+            .zip(acceleration_rad_s2)
+            .map(|((torque_nm, inertia_kg_m2), a)| torque_nm + inertia_kg_m2 * a);
+        (torques_nm.map(|x| x * x).sum::<f64>() / count).sqrt()
     }
 }
 

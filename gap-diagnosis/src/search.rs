@@ -331,7 +331,7 @@ fn floor(
 }
 
 /// What nobody can tell of a row: the part of what friction before it slips does that is not in proportion to it, and where
-/// friction is a table over the load, of what the corners of the table and the links' masses do. When a joint breaks away from
+/// friction is a table over the load, of what the corners of the table and the links do. When a joint breaks away from
 /// rest, and on which side of a corner it moves, is such a thing.
 fn doubts_nm(twin: &JointTwin<'_>) -> Result<Vec<f64>, FilterError> {
     let has_table = twin.nominal.friction.load_torque.is_some();
@@ -341,7 +341,7 @@ fn doubts_nm(twin: &JointTwin<'_>) -> Result<Vec<f64>, FilterError> {
         let steps = match known.known {
             Known::Presliding => [-1.0, 1.0],
             Known::Creep | Known::Rounding => [1.0, 2.0],
-            Known::Mass(_) if has_table => [-1.0, 1.0],
+            known if known.is_of_links() && has_table => [-1.0, 1.0],
             _ => continue,
         };
         let run = |deviations: f64| {

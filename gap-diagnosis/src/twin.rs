@@ -86,7 +86,7 @@ struct Piece<'a> {
     /// The robot file's controller, or the same.
     controller: Feedback,
     band: Band,
-    masses: Vec<Option<LoadChange>>,
+    links: Vec<Option<LoadChange>>,
     /// How the load changes with inertia added to the link about the joint's axis, per kg m².
     link_inertia: LoadChange,
     /// How the load changes with payload and tilt.
@@ -129,14 +129,14 @@ impl<'a> JointTwin<'a> {
         let periods_s = there.iter().map(|(_, signals)| signals.drive.period_s);
         let both_every_s = has_both.then(|| periods_s.fold(0.0, f64::max));
         let mut known = known::of_joint(&nominal, &robot.tolerance, both_every_s);
-        let masses = known::masses(robot, joint, &motions);
+        let links = known::of_links(robot, joint, &motions);
         let beside = known.len();
-        known.extend(masses.iter().map(|(known, _)| known.clone()));
+        known.extend(links.iter().map(|(known, _)| known.clone()));
         let mut pieces = Vec::with_capacity(there.len());
         for (index, &(stretch, signals)) in there.iter().enumerate() {
             let mut of_piece: Vec<Option<LoadChange>> = vec![None; beside];
             of_piece.extend(
-                masses
+                links
                     .iter()
                     .map(|(_, changes)| Some(changes[index].clone())),
             );
@@ -341,7 +341,7 @@ impl<'a> JointTwin<'a> {
                 load.to_mut().add(&piece.link_inertia, inertia_kg_m2);
             }
         }
-        for (change, deviations) in piece.masses.iter().zip(&changes.known) {
+        for (change, deviations) in piece.links.iter().zip(&changes.known) {
             if let Some(change) = change.as_ref().filter(|_| *deviations != 0.0) {
                 load.to_mut().add(change, *deviations);
             }
@@ -356,7 +356,7 @@ impl<'a> Piece<'a> {
         joint: usize,
         stretch: &'a Stretch,
         signals: &'a JointStretch,
-        masses: Vec<Option<LoadChange>>,
+        links: Vec<Option<LoadChange>>,
     ) -> Result<Self, FilterError> {
         let mut tracking = control::tracking(robot, joint, stretch.rate_hz);
         if !signals.has_command {
@@ -392,7 +392,7 @@ impl<'a> Piece<'a> {
             tracking,
             controller,
             band,
-            masses,
+            links,
             vibration_rad_s2,
             kept,
         })

@@ -1,12 +1,13 @@
 //! What a joint was like while nothing changed: the robot file with what was already there, known values refitted.
 
+use joint_model::rigid_body::Chain;
 use recording::{Recording, Signal};
 use robot::{Effect, Robot, Tolerance, changed_chain};
 
 use crate::diagnose::DiagnoseError;
 use crate::evidence::Probability;
 use crate::explain::{Explanation, explain};
-use crate::known::{Known, KnownValue};
+use crate::known::KnownValue;
 use crate::observe::Channel;
 use crate::search::Search;
 use crate::stretch::stretches;
@@ -19,7 +20,7 @@ pub struct Baseline {
     joint: usize,
     /// With the effects that were found: what later diagnoses begin from.
     mended: Robot,
-    /// With refitted masses too, and nothing left to refit: what later samples are held against.
+    /// With refitted links too, and nothing left to refit: what later samples are held against.
     settled: Robot,
     /// Refitted, in deviations.
     known: Vec<(KnownValue, f64)>,
@@ -48,16 +49,16 @@ impl Baseline {
         let model = &explanation.refined.model;
         let effects = model.changes(&search.scale).effects;
         let mended = with_effects(robot, joint, &effects);
-        let (masses, known): (Vec<_>, Vec<_>) = twin
+        let (links, known): (Vec<_>, Vec<_>) = twin
             .known
             .iter()
             .cloned()
             .zip(model.known.iter().copied())
-            .partition(|(known, _)| matches!(known.known, Known::Mass(_)));
+            .partition(|(known, _)| known.known.is_of_links());
         let floors = twin.channels.iter().map(|c| (*c, search.floor(*c)));
         Ok(Some(Self {
             joint,
-            settled: with_masses(&mended, &masses),
+            settled: with_links(&mended, &links),
             mended,
             known,
             floors: floors.collect(),
@@ -145,16 +146,19 @@ fn with_effects(robot: &Robot, joint: usize, effects: &[Effect]) -> Robot {
     mended
 }
 
-/// With masses, and inertias with them, moved by so many deviations; nothing else may move any more.
-fn with_masses(robot: &Robot, masses: &[(KnownValue, f64)]) -> Robot {
+/// With links moved by so many deviations; nothing else may move any more.
+fn with_links(robot: &Robot, of_links: &[(KnownValue, f64)]) -> Robot {
     let mut settled = robot.clone();
-    for (mass, deviations) in masses {
-        if let Known::Mass(link) = mass.known {
-            let factor = 1.0 + mass.deviation * deviations;
-            if let Ok(chain) = settled.chain.with_heavier_link(link, factor) {
-                settled.chain = chain;
-            }
-        }
+    let chain = &robot.chain;
+    let mut links = chain.links().to_vec();
+    for (value, deviations) in of_links {
+        value
+            .known
+            .multiply(&mut links, 1.0 + value.deviation * deviations);
+    }
+    // links that make no body stay as they were; the residual shows it
+    if let Ok(chain) = Chain::new(&links, chain.gravity_m_s2(), chain.tool()) {
+        settled.chain = chain;
     }
     settled.tolerance = Tolerance {
         default: 0.0,
