@@ -5,14 +5,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use joint_model::filter::FilterError;
-use nalgebra::Isometry3;
 use rayon::prelude::*;
 use recording::Recording;
 use robot::{Effect, Robot};
 
+use crate::beside::{self, Beside, Searched};
 use crate::control;
 use crate::data::{self, Checked};
-use crate::evidence::Remains;
 use crate::explain::{Beginning, Explanation};
 use crate::found::Found;
 use crate::hypothesis;
@@ -27,7 +26,7 @@ use crate::samples;
 use crate::scale::Scale;
 use crate::search::{Search, Term};
 use crate::shared::{self, Seen, Shared};
-use crate::stretch::{Stretch, StretchError, stretches};
+use crate::stretch::{StretchError, stretches};
 use crate::tell::{Told, counted_effect};
 use crate::timing::Timing;
 use crate::twin::JointTwin;
@@ -79,8 +78,6 @@ pub struct Diagnosis {
     pub traces: Vec<JointTraces>,
 }
 
-type Searched<'a> = Option<(Search<'a>, Explanation)>;
-
 /// Diagnoses a robot from recordings with their names.
 ///
 /// # Errors
@@ -128,17 +125,18 @@ pub fn diagnose(
             .collect::<Result<Vec<_>, FilterError>>()?;
         let repeated = Repeated::among(recordings);
         let (joints, shared) = searched(robot, &twins, counted, &repeated, progress)?;
-        let carried = Carried::among(robot, &joints);
-        let with_it = match &carried {
-            Some(carried) => Some((carried, self::stretches(&tables, &carried.robot)?)),
-            None => None,
-        };
-        let twins = match &with_it {
-            Some((carried, stretches)) => carried.twins(stretches)?,
-            None => Vec::new(),
-        };
-        let joints = explained_again(&twins, joints, counted, &repeated, robot, shared.as_ref())?;
-        report.data.extend(carried.iter().flat_map(Carried::notes));
+        let tried = Beside::among(robot, &joints);
+        let stretches = tried
+            .iter()
+            .map(|beside| self::stretches(&tables, &beside.robot))
+            .collect::<Result<Vec<_>, StretchError>>()?;
+        let twins = tried
+            .iter()
+            .zip(&stretches)
+            .map(|(beside, stretches)| beside.twins(stretches))
+            .collect::<Result<Vec<_>, FilterError>>()?;
+        let (joints, notes) = beside::explained_again(&tried, &twins, joints, &repeated)?;
+        report.data.extend(notes);
         report.data.extend(repeated.that_differ());
         let common = shared::common_delay(counted);
         let told = joints
@@ -328,102 +326,6 @@ fn searched<'a>(
         .map(|(joint, explanation)| Some((joint?.0, explanation?)))
         .collect();
     Ok((joints, shared))
-}
-
-/// Inertia that was named at a joint's link: joints that carry the link feel it too, by the arm's rigid bodies, and would be told
-/// effects of their own for it.
-struct Carried {
-    /// The joint of the link.
-    joint: usize,
-    /// Those that carry it and have a gap.
-    by: Vec<usize>,
-    /// With the inertia in its chain.
-    robot: Robot,
-}
-
-impl Carried {
-    /// The outermost such link that others carry: what those further in were told may come of it.
-    fn among(robot: &Robot, joints: &[Searched<'_>]) -> Option<Self> {
-        let named = |(joint, searched): (usize, &Searched<'_>)| {
-            let (search, explanation) = searched.as_ref()?;
-            let mut terms = explanation.refined.model.terms.iter();
-            let term = terms.find(|term| term.hypothesis.effect == "link_inertia")?;
-            Some((joint, term.effect(&search.scale)))
-        };
-        let (joint, effect) = joints.iter().enumerate().rev().find_map(named)?;
-        let has_gap = |joint: &usize| {
-            joints[*joint].as_ref().is_some_and(|(_, explanation)| {
-                !explanation.refined.model.terms.is_empty()
-                    || explanation.remains() != Remains::Nothing
-            })
-        };
-        let by: Vec<usize> = (0..joint).filter(has_gap).collect();
-        let chain = robot::changed_chain(
-            robot.chain.links(),
-            robot.chain.gravity_m_s2(),
-            Isometry3::identity(),
-            [(Some(joint), &effect)],
-        )
-        .ok()?;
-        let mut robot = robot.clone();
-        robot.chain = chain;
-        (!by.is_empty()).then_some(Self { joint, by, robot })
-    }
-
-    /// Of the joints that carry it, in the robot's order; none of the others.
-    fn twins<'a>(
-        &'a self,
-        stretches: &'a [Stretch],
-    ) -> Result<Vec<Option<JointTwin<'a>>>, FilterError> {
-        let joints = (0..self.robot.joints.len()).into_par_iter();
-        joints
-            .map(|joint| {
-                if self.by.contains(&joint) {
-                    JointTwin::new(&self.robot, joint, stretches)
-                } else {
-                    Ok(None)
-                }
-            })
-            .collect()
-    }
-
-    fn notes(&self) -> impl Iterator<Item = DataFinding> {
-        let of = &self.robot.joints[self.joint].name;
-        self.by.iter().map(move |joint| DataFinding {
-            joint: Some(self.robot.joints[*joint].name.clone()),
-            severity: "note".to_owned(),
-            what: format!("carries the inertia that was named at {of}; it is judged beside it"),
-            remedy: String::new(),
-        })
-    }
-}
-
-/// Explains joints anew of which there is another twin.
-fn explained_again<'a>(
-    twins: &'a [Option<JointTwin<'a>>],
-    joints: Vec<Searched<'a>>,
-    counted: &[Vec<Found>],
-    repeated: &Repeated,
-    robot: &Robot,
-    shared: Option<&Shared>,
-) -> Result<Vec<Searched<'a>>, FilterError> {
-    joints
-        .into_par_iter()
-        .enumerate()
-        .map(|(joint, before)| {
-            let Some(twin) = twins.get(joint).and_then(Option::as_ref) else {
-                return Ok(before);
-            };
-            let mut search = Search::new(twin)?;
-            search.repeats_nm = repeated.scatter_nm(&robot.joints[joint].name, &search)?;
-            let mut begun = Beginning::of(&search, &settled(&counted[joint], &search.scale))?;
-            if let Some(shared) = shared {
-                begun = begun.beside(&search, &shared.term)?;
-            }
-            let explanation = begun.explain(&search)?;
-            Ok(Some((search, explanation)))
-        })
-        .collect()
 }
 
 /// Explains every joint from its beginning on, beside what it shares.

@@ -452,6 +452,18 @@ pub fn with_structure(
     Ok(refined)
 }
 
+/// Known values fitted beside what is settled.
+///
+/// # Errors
+/// [`FilterError`].
+pub(crate) fn without_effects(
+    search: &Search<'_>,
+    settled: &[Term],
+) -> Result<Refined, FilterError> {
+    let (_, fitted) = known_fitted(search, &Model::of_settled(search, settled))?;
+    Ok(fitted)
+}
+
 /// Known values fitted, and everything beside them. They do not respond in proportion: their responses are found again
 /// where the first fit ends.
 fn known_fitted(search: &Search<'_>, start: &Model) -> Result<(Round, Refined), FilterError> {

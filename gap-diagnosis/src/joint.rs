@@ -370,6 +370,11 @@ impl JointModel {
         self.encoder_offset_rad + sum(&self.motor_eccentricity, motor_rad * ratio) / ratio
     }
 
+    /// What the link's encoder shows beyond the link's angle.
+    pub(crate) fn link_fault_rad(&self, link_rad: f64) -> f64 {
+        self.encoder_offset_rad + sum(&self.link_eccentricity, link_rad)
+    }
+
     /// Whether the gear's spring is a straight line.
     pub(crate) fn is_linear(&self) -> bool {
         self.soft_windup.is_none() && self.backlash.gap_rad == 0.0

@@ -370,12 +370,17 @@ pub fn of_links(
     let links = robot.chain.links();
     let axes = |link: usize| (0..3).map(move |axis| Known::Centre(link, axis));
     let all = (joint..links.len())
-        .flat_map(|link| [Known::Mass(link), Known::Inertia(link)].into_iter().chain(axes(link)))
+        .flat_map(|link| {
+            [Known::Mass(link), Known::Inertia(link)]
+                .into_iter()
+                .chain(axes(link))
+        })
         .filter_map(|known| {
             let (name, is_there) = match known {
-                Known::Centre(link, axis) => {
-                    ("centre_of_mass_m", links[link].centre_of_mass_m[axis] != 0.0)
-                }
+                Known::Centre(link, axis) => (
+                    "centre_of_mass_m",
+                    links[link].centre_of_mass_m[axis] != 0.0,
+                ),
                 Known::Inertia(_) => ("inertia_kg_m2", true),
                 _ => ("mass_kg", true),
             };
@@ -409,7 +414,10 @@ pub fn of_links(
         let size_nm = sizes_nm.fold(0.0, f64::max);
         found.push((value, changes, size_nm));
     }
-    let largest_nm = found.iter().map(|(.., size_nm)| *size_nm).fold(0.0, f64::max);
+    let largest_nm = found
+        .iter()
+        .map(|(.., size_nm)| *size_nm)
+        .fold(0.0, f64::max);
     found
         .into_iter()
         .filter(|(.., size_nm)| *size_nm > LINK_PART_MIN * largest_nm)

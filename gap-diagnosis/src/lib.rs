@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod baseline;
+mod beside;
 mod confuse;
 pub mod control;
 pub mod data;
@@ -16,6 +17,7 @@ pub mod hypothesis;
 pub mod joint;
 pub mod judge;
 pub mod known;
+mod links;
 pub mod load;
 pub mod mend;
 pub mod observe;

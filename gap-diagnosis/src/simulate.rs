@@ -214,7 +214,7 @@ impl Measured {
         let [motor_rad, link_rad, torque_nm, joint_torque_nm, holding_nm] = seen;
         Self {
             motor_rad: motor_rad + model.motor_fault_rad(motor_rad),
-            link_rad: link_rad + model.encoder_offset_rad + sum(&model.link_eccentricity, link_rad),
+            link_rad: link_rad + model.link_fault_rad(link_rad),
             torque_nm,
             joint_torque_nm,
             holding_nm,

@@ -2,23 +2,17 @@
 
 use joint_model::filter::FilterError;
 use recording::{JointColumns, MissingSignal, Recording, Signal};
-use robot::{Robot, RobotJoint};
+use robot::Robot;
 
 use crate::control;
-use crate::joint::JointModel;
+use crate::links::{Links, Position};
 use crate::load::{Load, Motion};
-use crate::observe::Band;
 use crate::simulate::{Between, Drive};
 
 /// A hole longer than this ends a stretch.
 const HOLE_MAX_S: f64 = 0.1;
 /// A stretch shorter than this tells nothing.
 const STRETCH_MIN_S: f64 = 1.0;
-/// Part of a motion's acceleration that a link's encoder may blur if the motion is taken from it: what a twin gets wrong of
-/// others' motion anyway.
-const BLUR_PART: f64 = 0.02;
-/// How far a joint's two encoders may be apart to show one motion.
-const AGREE_RAD: f64 = 0.05;
 /// Rows without a value are bridged over so many; what lies in longer holes does not count.
 const BRIDGED_ROWS: usize = 3;
 
@@ -31,6 +25,8 @@ pub struct JointStretch {
     pub load: Load,
     /// Torque that rounding of the other joints' encoders pretends, root mean square.
     pub others_rounding_nm: Vec<f64>,
+    /// Torque by which the other joints' links swing behind their gears where no encoder shows it.
+    pub unseen_nm: Vec<f64>,
     /// Motor torque, or the command where the drive reports none.
     pub torque_nm: Vec<f64>,
     /// Whether the command is known.
@@ -245,49 +241,23 @@ fn stretch(
         .iter()
         .map(|joint| position_rad(recording.joint(&joint.name)?, joint.gear_ratio, grid))
         .collect::<Result<Vec<_>, MissingSignal>>()?;
-    let motors: Vec<Vec<f64>> = positions.iter().map(|p| p.motor_rad.clone()).collect();
-    let gears: Vec<Option<JointModel>> = positions
-        .iter()
-        .enumerate()
-        .map(|(joint, position)| (!position.is_of_link).then(|| JointModel::nominal(robot, joint)))
-        .collect();
-    let behind = Motion::of(&motors, rate_hz)?.behind_gears(&robot.chain, &gears)?;
-    let mut motion = behind.clone();
-    let mut encoders: Vec<[f64; 2]> = robot.joints.iter().map(motor_encoder).collect();
-    if positions.len() > 1 {
-        // where its own encoder shows how a link swings, nothing needs to be known of the gear
-        for (joint, (position, file)) in positions.iter().zip(&robot.joints).enumerate() {
-            let moving_rad_s2 = behind.acceleration_rad_s2(joint);
-            let encoder =
-                link_encoder(file).filter(|encoder| tells_swing(*encoder, moving_rad_s2, rate_hz));
-            let link_rad = position.link_rad.as_ref();
-            let link_rad = link_rad.filter(|link_rad| agree(link_rad, &position.motor_rad));
-            if let Some((link_rad, encoder)) = link_rad.zip(encoder) {
-                motion.set(joint, link_rad)?;
-                encoders[joint] = encoder;
-            }
-        }
-    }
+    let links = Links::of(robot, &positions, rate_hz)?;
     let joints = positions
         .into_iter()
         .zip(&robot.joints)
         .enumerate()
         .map(|(k, (position, file))| {
             let columns = recording.joint(&file.name)?;
-            Ok(
-                joint_stretch(columns, file.gear_ratio, position, between, grid).map(|signals| {
-                    JointStretch {
-                        load: motion.with_own(&behind, k).load(&robot.chain, k),
-                        others_rounding_nm: motion.rounding_nm(
-                            &robot.chain,
-                            k,
-                            &encoders,
-                            Band::at(rate_hz).cutoff_hz,
-                        ),
-                        ..signals
-                    }
-                }),
-            )
+            let signals = joint_stretch(columns, file.gear_ratio, position, between, grid);
+            Ok(signals.map(|signals| {
+                let load = links.load(&robot.chain, k);
+                JointStretch {
+                    unseen_nm: links.unseen_nm(&robot.chain, k, &load),
+                    load,
+                    others_rounding_nm: links.rounding_nm(&robot.chain, k),
+                    ..signals
+                }
+            }))
         })
         .collect::<Result<Vec<_>, MissingSignal>>()?;
     Ok(Stretch {
@@ -295,46 +265,8 @@ fn stretch(
         first_row: grid.rows.start,
         rate_hz,
         joints,
-        motion,
+        motion: links.motion,
     })
-}
-
-/// Step and noise of the motor's encoder, joint side.
-fn motor_encoder(joint: &RobotJoint) -> [f64; 2] {
-    let step_rad = joint.motor_encoder_resolution_rad.unwrap_or(0.0);
-    [step_rad, joint.position_noise_rad].map(|of_motor| of_motor / joint.gear_ratio)
-}
-
-/// Step and noise of the link's encoder, where the robot file tells them.
-fn link_encoder(joint: &RobotJoint) -> Option<[f64; 2]> {
-    let step_rad = joint.link_encoder_resolution_rad?;
-    Some([step_rad, joint.position_noise_rad])
-}
-
-/// Whether an encoder's step and noise are small beside a motion's acceleration within the band that is compared.
-fn tells_swing([step_rad, noise_rad]: [f64; 2], moving_rad_s2: &[f64], rate_hz: f64) -> bool {
-    let cutoff_hz = Band::at(rate_hz).cutoff_hz;
-    let reading_rad = (step_rad.powi(2) / 12.0 + noise_rad.powi(2)).sqrt();
-    let blur_rad_s2 = (std::f64::consts::TAU * cutoff_hz).powi(2)
-        * reading_rad
-        * (2.0 * cutoff_hz / rate_hz).sqrt();
-    let square: f64 = moving_rad_s2.iter().map(|x| x * x).sum();
-    blur_rad_s2.powi(2) < BLUR_PART.powi(2) * square / moving_rad_s2.len().max(1) as f64
-}
-
-/// Whether two encoders of one joint show the same motion, but for what gears twist and zeros are off.
-fn agree(link_rad: &[f64], motor_rad: &[f64]) -> bool {
-    let mut both = link_rad.iter().zip(motor_rad);
-    both.all(|(link_rad, motor_rad)| (link_rad - motor_rad).abs() < AGREE_RAD)
-}
-
-/// What the encoders say, joint side.
-struct Position {
-    motor_rad: Vec<f64>,
-    link_rad: Option<Vec<f64>>,
-    is_whole: Vec<bool>,
-    /// Whether the only encoder is behind the gear.
-    is_of_link: bool,
 }
 
 fn position_rad(
@@ -407,6 +339,7 @@ fn joint_stretch(
         },
         load: Load::default(),
         others_rounding_nm: Vec::new(),
+        unseen_nm: Vec::new(),
         torque_nm,
         has_command,
         has_torque_beside_command,
@@ -432,21 +365,6 @@ mod tests {
     fn a_jump_in_time_ends_a_stretch() {
         let time_s = [0.0, 0.01, 0.02, 1.0, 1.01];
         assert_eq!(without_holes(&time_s, 0..5, 0.1), [0..3, 3..5]);
-    }
-
-    #[test]
-    fn an_encoder_tells_a_swing_if_it_is_fine_and_agrees_with_the_other() {
-        let moving_rad_s2: Vec<f64> = (0..1500)
-            .map(|k| 5.0 * (0.01 * f64::from(k)).sin())
-            .collect();
-        let step_rad = |bits: i32| std::f64::consts::TAU / 2.0_f64.powi(bits);
-        assert!(tells_swing([step_rad(20), 0.0], &moving_rad_s2, 1500.0));
-        assert!(!tells_swing([step_rad(12), 0.0], &moving_rad_s2, 1500.0));
-        assert!(!tells_swing([step_rad(20), 1e-3], &moving_rad_s2, 1500.0));
-        let motor_rad = [0.0, 0.5, 1.0];
-        assert!(agree(&[0.01, 0.51, 0.99], &motor_rad));
-        // one of them turns the other way, or was counted from another zero
-        assert!(!agree(&[0.0, -0.5, -1.0], &motor_rad));
     }
 
     #[test]

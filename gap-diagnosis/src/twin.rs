@@ -48,6 +48,8 @@ pub struct Row {
     pub motor_angle_rad: f64,
     /// Largest torque that accelerates rotor and link, and of the other joints' motion, within what the low-pass sees.
     pub inertial_nm: f64,
+    /// Largest torque by which the other joints' links swing where no encoder shows it.
+    pub unseen_nm: f64,
     /// Torque that swings the rotor above the band, beyond what is usual of the recording.
     pub vibrating_nm: f64,
     /// What rounding of the encoders adds where it beats with the samples: no noise that differs from sample to sample.
@@ -468,6 +470,7 @@ fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointModel) -> Vec
                     load_nm: load.torque_nm[k],
                     motor_angle_rad: nominal.gear_ratio * drive.motor_rad[k],
                     inertial_nm: largest_around(&moving_nm, k, around),
+                    unseen_nm: largest_around(&piece.joint.unseen_nm, k, around),
                     vibrating_nm: nominal.rotor_inertia_kg_m2 * piece.vibration_rad_s2[k],
                     beating_nm: beating(channel, k),
                 }
@@ -491,6 +494,7 @@ impl Row {
             load_nm: 0.0,
             motor_angle_rad: 0.0,
             inertial_nm: 0.0,
+            unseen_nm: 0.0,
             vibrating_nm: 0.0,
             beating_nm: 0.0,
         }

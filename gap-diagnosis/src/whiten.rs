@@ -58,12 +58,15 @@ const REVERSAL: f64 = 15.0;
 const REVERSAL_S: f64 = 0.12;
 /// Of the torque that accelerates the joint, the twin is off by this part: sensors and twin are not at the same instant.
 const INERTIAL: f64 = 0.02;
+/// Of the torque by which links swing that no encoder shows, this part may be wrong: when it began is known, but not how fast it
+/// dies out, and a little off in frequency it is soon in the opposite phase.
+const UNSEEN: f64 = 1.0;
 /// Of the torque that swings the rotor above the band, friction within it is off by this part.
 const VIBRATING: f64 = 0.2;
 /// Slower than this part of the fastest is as good as standing.
 const STANDING: f64 = 0.03;
 
-/// Of each row, by how near its joint is to a reversal, how hard it accelerates and whether it vibrates: 1 in even motion.
+/// Of each row, by how near its joint is to a reversal, how hard it accelerates, what swings beside it and whether it vibrates: 1 in even motion.
 fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor) -> Vec<f64> {
     let fastest = rows
         .iter()
@@ -93,11 +96,15 @@ fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor)
                 .fold(f64::INFINITY, f64::min);
             let near = (-(nearest_s / REVERSAL_S).powi(2)).exp();
             let hard = INERTIAL * row.inertial_nm / deviation_nm;
+            let unseen = UNSEEN * row.unseen_nm / deviation_nm;
             let swings = VIBRATING * row.vibrating_nm / deviation_nm;
             // a beat is as quick as noise
             let beating = row.beating_nm / quick_nm.max(1e-12);
-            let less =
-                (REVERSAL * near).powi(2) + hard * hard + swings * swings + beating * beating;
+            let less = (REVERSAL * near).powi(2)
+                + hard * hard
+                + unseen * unseen
+                + swings * swings
+                + beating * beating;
             *weight = 1.0 / (1.0 + less).sqrt();
         }
     }

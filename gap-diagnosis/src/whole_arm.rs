@@ -196,7 +196,7 @@ mod tests {
                 let [sum, direct] = both_ways(joint, effects);
                 let off = sum.largest_difference(&direct);
                 assert!(
-                    off < 1e-6 * (1.0 + direct.torque_rms_nm()),
+                    off < 1e-6 * (1.0 + direct.rms_nm(motion(7).acceleration_rad_s2(joint))),
                     "{joint}: {off}"
                 );
             }
