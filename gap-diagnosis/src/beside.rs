@@ -200,3 +200,135 @@ fn better<'a>(
         .collect::<Result<Vec<_>, FilterError>>()?;
     Ok(all.into_iter().flatten().collect())
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use recording::{JointColumns, Recording, Signal};
+    use robot::{RobotFile, Source};
+
+    use crate::diagnose::diagnose;
+    use crate::report::{Report, Verdict};
+
+    use super::*;
+
+    const RATE_HZ: f64 = 250.0;
+    const ROWS: usize = 5000;
+    const RATIO: f64 = 100.0;
+    const ROTOR_KG_M2: f64 = 2e-5;
+    const COULOMB_NM: [f64; 2] = [3.0, 1.0];
+    const VISCOUS_NM_S_RAD: [f64; 2] = [2.0, 0.6];
+
+    fn robot() -> Robot {
+        let link = |joint: &str, height_m: f64, mass_kg: f64| {
+            format!(
+                "[[link]]\njoint = \"{joint}\"\norigin_m = [0.0, 0.0, {height_m}]\n\
+                 origin_rpy_rad = [0.0, 0.0, 0.0]\naxis = [0.0, 1.0, 0.0]\nmass_kg = {mass_kg}\n\
+                 centre_of_mass_m = [0.0, 0.0, 0.2]\n\
+                 inertia_kg_m2 = {{ xx = 0.06, yy = 0.06, zz = 0.004, xy = 0.0, yz = 0.0, xz = 0.0 }}\n"
+            )
+        };
+        let joint = |name: &str, index: usize| {
+            let [coulomb_nm, viscous] = [COULOMB_NM[index], VISCOUS_NM_S_RAD[index]];
+            format!(
+                "[[joint]]\nname = \"{name}\"\ngear_ratio = {RATIO}\n\
+                 rotor_inertia_kg_m2 = {ROTOR_KG_M2}\nmotor_encoder_resolution_rad = 1e-5\n\
+                 torque_noise_nm = 2e-4\neffects = [\n\
+                 {{ effect = \"coulomb_friction\", coulomb_nm = {coulomb_nm} }},\n\
+                 {{ effect = \"viscous_friction\", viscous_nm_s_rad = {viscous} }},\n]\n"
+            )
+        };
+        let text = [
+            "name = \"two\"\ngravity_m_s2 = [0.0, 0.0, -9.81]\nparameter_tolerance = 0.02\n".into(),
+            link("shoulder", 0.3, 4.0),
+            link("elbow", 0.4, 3.0),
+            joint("shoulder", 0),
+            joint("elbow", 1),
+        ];
+        let file = RobotFile::parse(&text.concat(), "two.toml").unwrap();
+        file.build(Source::Shipped("two")).unwrap()
+    }
+
+    /// Position, velocity and acceleration of a joint.
+    fn motion(joint: usize, time_s: f64) -> [f64; 3] {
+        let sines = [(0.5, 1.3), (0.25, 3.1), (0.05, 9.0)];
+        let mut at = [0.0; 3];
+        for (size_rad, rad_s) in sines {
+            let rad_s = rad_s * (1.0 + 0.17 * joint as f64);
+            let angle = rad_s * time_s + joint as f64;
+            at[0] += size_rad * angle.sin();
+            at[1] += size_rad * rad_s * angle.cos();
+            at[2] -= size_rad * rad_s * rad_s * angle.sin();
+        }
+        at
+    }
+
+    /// What the arm shows with this fault of the elbow's motor encoder, motor side, over the motor's angle.
+    fn recorded(robot: &Robot, fault_rad: impl Fn(f64) -> f64) -> Recording {
+        let mut columns = vec![(Vec::new(), Vec::new()); 2];
+        for k in 0..ROWS {
+            let time_s = k as f64 / RATE_HZ;
+            let at = [motion(0, time_s), motion(1, time_s)];
+            let of = |which: usize| [at[0][which], at[1][which]];
+            let mut torque_nm = [0.0; 2];
+            let chain = &robot.chain;
+            chain.inverse_dynamics(&of(0), &of(1), &of(2), &mut torque_nm);
+            for (joint, (motor_rad, motor_nm)) in columns.iter_mut().enumerate() {
+                let [position_rad, velocity_rad_s, acceleration_rad_s2] = at[joint];
+                let friction_nm = COULOMB_NM[joint] * (velocity_rad_s / 1e-3).tanh()
+                    + VISCOUS_NM_S_RAD[joint] * velocity_rad_s;
+                let rotor_nm = RATIO * RATIO * ROTOR_KG_M2 * acceleration_rad_s2;
+                let turned_rad = RATIO * position_rad;
+                let off_rad = if joint == 1 {
+                    fault_rad(turned_rad)
+                } else {
+                    0.0
+                };
+                motor_rad.push(turned_rad + off_rad);
+                motor_nm.push((torque_nm[joint] + friction_nm + rotor_nm) / RATIO);
+            }
+        }
+        let joints = columns.into_iter().zip(["shoulder", "elbow"]);
+        Recording {
+            time_s: (0..ROWS).map(|k| k as f64 / RATE_HZ).collect(),
+            segment: None,
+            joints: joints
+                .map(|((motor_rad, motor_nm), name)| JointColumns {
+                    name: name.to_owned(),
+                    signals: BTreeMap::from([
+                        (Signal::MotorPositionRad, motor_rad),
+                        (Signal::MotorTorqueNm, motor_nm),
+                    ]),
+                })
+                .collect(),
+            sample_rate_hz: RATE_HZ,
+            metadata: BTreeMap::new(),
+            truncated: false,
+        }
+    }
+
+    fn told(fault_rad: impl Fn(f64) -> f64) -> Report {
+        let robot = robot();
+        let recording = recorded(&robot, fault_rad);
+        let recordings = [("made up".to_owned(), recording)];
+        diagnose(&robot, &recordings, &|_| ()).unwrap().report
+    }
+
+    #[test]
+    fn a_joint_that_sees_its_neighbours_wrong_encoder_has_no_gap_beside_it() {
+        for joint in told(|_| 0.0).joints {
+            assert_eq!(joint.verdict, Verdict::NoGap, "{}", joint.joint);
+        }
+        let report = told(|turned_rad| 0.03 * (turned_rad + 0.4).sin());
+        let elbow = &report.joints[1];
+        assert_eq!(elbow.effects[0].effect, "encoder_eccentricity");
+        let notes: Vec<_> = report.data.iter().map(|finding| &finding.what).collect();
+        assert!(
+            notes.iter().any(|what| what.contains("judged beside it")),
+            "{notes:?}"
+        );
+        assert_eq!(report.joints[0].verdict, Verdict::NoGap);
+    }
+}
