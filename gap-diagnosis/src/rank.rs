@@ -393,10 +393,11 @@ impl Search<'_> {
             .collect()
     }
 
-    /// Half the squares that a steady vibration alone takes off a residual, at a frequency that is not the motion's.
+    /// Half the squares that a steady vibration alone takes off a residual, at a frequency that is none of the motion's.
     pub(crate) fn vibration_gain(&self, residual_nm: &[f64]) -> f64 {
         let rows = &self.twin.rows;
-        let Some(vibration) = foreign_vibration(rows, residual_nm) else {
+        let others = self.twin.others_velocity_rad_s();
+        let Some(vibration) = foreign_vibration(rows, residual_nm, &others) else {
             return 0.0;
         };
         let target = Beside::new(&[], &self.whitener.apply(residual_nm));

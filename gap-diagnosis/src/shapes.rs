@@ -251,16 +251,22 @@ fn waves(rows: &[Row], (hz, tried): (f64, usize)) -> Family {
     }
 }
 
-/// A steady vibration, unless its frequency is one of the motion itself: what follows the motion vibrates with it.
-pub fn foreign_vibration(rows: &[Row], residual_nm: &[f64]) -> Option<Family> {
+/// A steady vibration, unless its frequency is one of the motion, this joint's or another's: what follows the motion vibrates
+/// with it. `others`: velocities of the other joints, row by row.
+pub fn foreign_vibration(rows: &[Row], residual_nm: &[f64], others: &[Vec<f64>]) -> Option<Family> {
     let found = strongest_hz(rows, residual_nm, VIBRATION_HZ)?;
     let count = rows.len().max(1) as f64;
     let mean_rad = rows.iter().map(|row| row.position_rad).sum::<f64>() / count;
-    let position: Vec<f64> = rows.iter().map(|row| row.position_rad - mean_rad).collect();
-    let (motion_hz, _) = strongest_hz(rows, &position, [MOTION_HZ_LEAST, VIBRATION_HZ[1]])?;
-    let apart_hz = |harmonic: i32| (found.0 - f64::from(harmonic) * motion_hz).abs();
-    let is_motion = (1..=MOTION_HARMONICS).any(|harmonic| apart_hz(harmonic) < 2.0 * step_hz(rows));
-    (!is_motion).then(|| waves(rows, found))
+    let own: Vec<f64> = rows.iter().map(|row| row.position_rad - mean_rad).collect();
+    let swings_with = |motion: &Vec<f64>| {
+        let moving_hz = strongest_hz(rows, motion, [MOTION_HZ_LEAST, VIBRATION_HZ[1]]);
+        moving_hz.is_some_and(|(moving_hz, _)| {
+            let apart_hz = |harmonic: i32| (found.0 - f64::from(harmonic) * moving_hz).abs();
+            (1..=MOTION_HARMONICS).any(|harmonic| apart_hz(harmonic) < 2.0 * step_hz(rows))
+        })
+    };
+    let mut motions = std::iter::once(&own).chain(others);
+    (!motions.any(swings_with)).then(|| waves(rows, found))
 }
 
 /// Half of what the rows' time tells apart.
@@ -326,7 +332,7 @@ mod tests {
             let angles = rows.iter().map(|row| TAU * hz * row.time_s + 0.7);
             angles.map(f64::sin).collect()
         };
-        let vibration = foreign_vibration(&rows, &at(4.693)).expect("none of the motion's");
+        let vibration = foreign_vibration(&rows, &at(4.693), &[]).expect("none of the motion's");
         let along = |column: &Vec<f64>| -> f64 {
             let both = column.iter().zip(at(4.693));
             both.map(|(a, b)| a * b).sum::<f64>() / 900.0
@@ -334,8 +340,10 @@ mod tests {
         let size = along(&vibration.columns[0]).hypot(along(&vibration.columns[1]));
         assert!((size - 1.0).abs() < 0.01, "{size}");
         for harmonic in [1.0, 2.0, 3.0] {
-            assert!(foreign_vibration(&rows, &at(0.31 * harmonic)).is_none());
+            assert!(foreign_vibration(&rows, &at(0.31 * harmonic), &[]).is_none());
         }
+        // nor with another joint's
+        assert!(foreign_vibration(&rows, &at(4.693), &[at(1.2), at(4.693)]).is_none());
     }
 
     #[test]

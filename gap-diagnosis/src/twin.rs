@@ -197,27 +197,34 @@ impl<'a> JointTwin<'a> {
 
     /// Velocity, its direction, and acceleration of each other joint, row by row.
     pub fn others(&self) -> Vec<Vec<f64>> {
-        let others = (0..self.robot.joints.len()).filter(|other| *other != self.joint);
-        others
-            .flat_map(|other| {
-                let motion = |of: &dyn Fn(&Motion, usize) -> f64| -> Vec<f64> {
-                    let at = |piece: &Piece<'_>, row: &usize| {
-                        of(&piece.stretch.motion, row * piece.band.stride())
-                    };
-                    let pieces = self.pieces.iter();
-                    pieces
-                        .flat_map(|piece| {
-                            let once: Vec<f64> =
-                                piece.kept.iter().map(|row| at(piece, row)).collect();
-                            once.repeat(self.channels.len())
-                        })
-                        .collect()
-                };
-                [
-                    motion(&|m, k| m.velocity_rad_s(other)[k]),
-                    motion(&|m, k| m.velocity_rad_s(other)[k].signum()),
-                    motion(&|m, k| m.acceleration_rad_s2(other)[k]),
-                ]
+        let of: [fn(&Motion, usize, usize) -> f64; 3] = [
+            |motion, other, k| motion.velocity_rad_s(other)[k],
+            |motion, other, k| motion.velocity_rad_s(other)[k].signum(),
+            |motion, other, k| motion.acceleration_rad_s2(other)[k],
+        ];
+        let each = |other: usize| of.map(|of| self.of_another(other, of));
+        self.other_joints().flat_map(each).collect()
+    }
+
+    /// Velocity of each other joint, row by row.
+    pub fn others_velocity_rad_s(&self) -> Vec<Vec<f64>> {
+        let each = |other: usize| self.of_another(other, |m, other, k| m.velocity_rad_s(other)[k]);
+        self.other_joints().map(each).collect()
+    }
+
+    fn other_joints(&self) -> impl Iterator<Item = usize> {
+        let own = self.joint;
+        (0..self.robot.joints.len()).filter(move |other| *other != own)
+    }
+
+    /// Something of another joint's motion, row by row.
+    fn of_another(&self, other: usize, of: impl Fn(&Motion, usize, usize) -> f64) -> Vec<f64> {
+        let pieces = self.pieces.iter();
+        pieces
+            .flat_map(|piece| {
+                let at = |row: &usize| of(&piece.stretch.motion, other, row * piece.band.stride());
+                let once: Vec<f64> = piece.kept.iter().map(at).collect();
+                once.repeat(self.channels.len())
             })
             .collect()
     }
