@@ -191,6 +191,28 @@ fn a_factor_is_named_with_the_signal_the_joint_and_what_undoes_it() {
 }
 
 #[test]
+fn a_joint_that_friction_holds_is_not_in_turns() {
+    use Signal::*;
+    let mut recording = whole();
+    for signal in [LinkPositionRad, LinkVelocityRadS] {
+        recording.joints[1].signals.remove(&signal);
+    }
+    // it was asked for seven times as much
+    scale(&mut recording, 1, ReferencePositionRad, 7.0);
+    scale(&mut recording, 1, ReferenceVelocityRadS, 7.0);
+    let is_unit = |finding: &Finding| finding.kind == FindingKind::WrongUnit;
+    let findings = check(&recording, Some(&robot()));
+    assert!(!findings.iter().any(is_unit), "{findings:#?}");
+    // with another step it is
+    let factor = 1.0 / std::f64::consts::TAU;
+    let mut recording = whole();
+    scale(&mut recording, 1, MotorPositionRad, factor);
+    recording.joints[1].signals.remove(&LinkPositionRad);
+    let findings = check(&recording, Some(&robot()));
+    assert!(findings.iter().any(is_unit), "{findings:#?}");
+}
+
+#[test]
 fn a_reversed_torque_is_told_by_friction_and_work() {
     for signals in [
         &[

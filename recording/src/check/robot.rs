@@ -196,11 +196,21 @@ fn torque(of_robot: &CheckJoint, joint: &JointColumns, signal: Signal) -> Option
     Some(finding.remedy(mapping_line(joint, signal, &remedy)))
 }
 
-/// Encoder steps tell units and sides where nothing else does.
-fn resolutions(of_robot: &CheckJoint, joint: &JointColumns, seen: &Scales) -> Vec<Finding> {
-    /// A step off by more than this is of another encoder.
-    const OTHER: f64 = 0.2;
-    let told = [
+/// A step off by more than this is of another encoder.
+const OTHER_STEP: f64 = 0.2;
+
+/// Whether an encoder's step is the robot file's: then its position is in its unit, whatever else is wrong.
+pub(super) fn has_its_step(of_robot: &CheckJoint, joint: &JointColumns, signal: Signal) -> bool {
+    let told = told_resolutions(of_robot).into_iter();
+    let of_signal = told.filter(|(of, _)| *of == signal);
+    let resolution_rad = of_signal.filter_map(|(_, told)| told).next();
+    let step = values(joint, signal).and_then(step);
+    step.zip(resolution_rad)
+        .is_some_and(|(step, told)| (step / told - 1.0).abs() < OTHER_STEP)
+}
+
+fn told_resolutions(of_robot: &CheckJoint) -> [(Signal, Option<f64>); 2] {
+    [
         (
             Signal::MotorPositionRad,
             of_robot.motor_encoder_resolution_rad,
@@ -209,15 +219,19 @@ fn resolutions(of_robot: &CheckJoint, joint: &JointColumns, seen: &Scales) -> Ve
             Signal::LinkPositionRad,
             of_robot.link_encoder_resolution_rad,
         ),
-    ];
+    ]
+}
+
+/// Encoder steps tell units and sides where nothing else does.
+fn resolutions(of_robot: &CheckJoint, joint: &JointColumns, seen: &Scales) -> Vec<Finding> {
     let mut findings = Vec::new();
-    for (signal, resolution) in told {
+    for (signal, resolution) in told_resolutions(of_robot) {
         let (Some(resolution), Some(step)) = (resolution, values(joint, signal).and_then(step))
         else {
             continue;
         };
         let factor = step / seen.factor(signal).abs() / resolution;
-        if (1.0 - OTHER..1.0 + OTHER).contains(&factor) {
+        if (factor - 1.0).abs() < OTHER_STEP {
             continue;
         }
         let Meaning { kind, text, factor } =

@@ -1,6 +1,7 @@
 //! Factors between signals that tell the same thing: wrong units, signs, gear sides and gear ratios.
 
 use super::meaning::{MEASURED, Meaning, TRACKED};
+use super::robot::has_its_step;
 use super::{CheckJoint, Finding, FindingKind, mapping_line, torque, values};
 use crate::statistics::line;
 use crate::{JointColumns, Recording, Signal};
@@ -8,6 +9,8 @@ use std::ops::Range;
 
 /// Signals that tell the same thing follow a straight line as closely as this.
 pub(super) const SAME: f64 = 0.95;
+/// A joint moves this part of what its reference does, where it hardly follows.
+const BARELY_FOLLOWS: Range<f64> = 0.02..0.6;
 /// Time over which a velocity is taken from positions.
 const BLOCK_S: f64 = 0.1;
 const BLOCK_ROWS: usize = 5;
@@ -61,6 +64,16 @@ impl Scales {
                 .zip(robot)
                 .map(|(seen, robot)| seen / robot.gear_ratio),
         );
+        // a joint that friction holds follows a seventh of its reference, as one in turns would
+        let is_in_its_unit = |wrong: &Wrong| {
+            BARELY_FOLLOWS.contains(&wrong.measured)
+                && wrong.meaning.kind == FindingKind::WrongUnit
+                && robot.is_some_and(|robot| has_its_step(robot, joint, wrong.signal))
+        };
+        let positions = positions
+            .into_iter()
+            .filter(|wrong| !is_in_its_unit(wrong))
+            .collect();
         let mut scales = Self {
             gear_ratio,
             measured_ratio,
