@@ -142,23 +142,21 @@ pub(crate) fn explained_again<'a>(
     mut joints: Vec<Searched<'a>>,
     repeated: &Repeated,
 ) -> Result<(Vec<Searched<'a>>, Vec<DataFinding>), FilterError> {
-    let mut best: Option<(f64, &Beside, Vec<(usize, Search<'a>)>)> = None;
+    let mut best: Option<(f64, &Beside, Vec<Better<'a>>)> = None;
     for (beside, twins) in tried.iter().zip(twins) {
         let better = better(&beside.robot, twins, &joints, repeated)?;
-        let nats = better.iter().map(|(_, nats, _)| nats).sum();
+        let nats = better.iter().map(|joint| joint.nats).sum();
         if nats > best.as_ref().map_or(0.0, |(most, ..)| *most) {
-            let searches = better.into_iter().map(|(joint, _, search)| (joint, search));
-            best = Some((nats, beside, searches.collect()));
+            best = Some((nats, beside, better));
         }
     }
-    let Some((_, beside, searches)) = best else {
+    let Some((_, beside, better)) = best else {
         return Ok((joints, Vec::new()));
     };
-    let notes = searches.iter().map(|(joint, _)| beside.note(*joint));
-    let notes = notes.collect();
-    let again = searches
+    let notes = better.iter().map(|of| beside.note(of.joint)).collect();
+    let again = better
         .into_par_iter()
-        .map(|(joint, search)| {
+        .map(|Better { joint, search, .. }| {
             let settled = joints[joint]
                 .as_ref()
                 .map_or(&[][..], |(_, before)| &before.without.model.settled);
@@ -172,13 +170,21 @@ pub(crate) fn explained_again<'a>(
     Ok((joints, notes))
 }
 
-/// Joints of which these twins leave less than those before, no effect added, with how many nats less.
+/// A joint of which another twin leaves less than the one before, no effect added.
+struct Better<'a> {
+    joint: usize,
+    /// How much less.
+    nats: f64,
+    search: Search<'a>,
+}
+
+/// The joints of which these twins leave less than those before.
 fn better<'a>(
     robot: &Robot,
     twins: &'a [Option<JointTwin<'a>>],
     joints: &[Searched<'_>],
     repeated: &Repeated,
-) -> Result<Vec<(usize, f64, Search<'a>)>, FilterError> {
+) -> Result<Vec<Better<'a>>, FilterError> {
     let all = twins
         .par_iter()
         .zip(joints)
@@ -195,7 +201,11 @@ fn better<'a>(
             search.repeats_nm = repeated.scatter_nm(&robot.joints[joint].name, &search)?;
             let now = without_effects(&search, &explanation.without.model.settled)?;
             let nats = 0.5 * (before - left(&search, &now));
-            Ok((nats > naming(1)).then_some((joint, nats, search)))
+            Ok((nats > naming(1)).then_some(Better {
+                joint,
+                nats,
+                search,
+            }))
         })
         .collect::<Result<Vec<_>, FilterError>>()?;
     Ok(all.into_iter().flatten().collect())
