@@ -21,6 +21,10 @@ use crate::shared::{CommonDelay, Shared};
 use crate::stage::Stage;
 use crate::step::Step;
 
+/// Names explain a gap that shrinks this far, or to this many times its floor: away from reversals the floor is noise and twin,
+/// and near them the twin is off by more.
+const SHRINK_MIN: f64 = 0.9;
+const ABOVE_FLOOR: f64 = 3.0;
 /// Probability of what was counted in the samples.
 const COUNTED: f64 = 0.97;
 /// How often a sure diagnosis was wrong on development cases.
@@ -55,11 +59,12 @@ impl Told<'_> {
         let effects = self.effects(&before_nm, &covariance);
         let candidates = self.candidates();
         let confusable = confuse::pairs(self);
-        let verdict = self.verdict(&effects, &confusable);
+        let verdict = self.verdict(&effects, &confusable, &gap);
         let has_gap = verdict != Verdict::NoGap;
-        let remaining = match self.explanation.remains() {
-            Remains::Nothing => Remaining::White,
-            Remains::Something | Remains::Most => Remaining::Structured,
+        let remaining = match (self.explanation.remains(), verdict) {
+            (Remains::Nothing, Verdict::PartlyExplained) => Remaining::Structured,
+            (Remains::Nothing, _) => Remaining::White,
+            (Remains::Something | Remains::Most, _) => Remaining::Structured,
         };
         if !has_gap {
             (gap.shrink, gap.shrink_low, gap.shrink_high) = (0.0, 0.0, 0.0);
@@ -175,7 +180,7 @@ impl Told<'_> {
         all
     }
 
-    fn verdict(&self, effects: &[NamedEffect], confusable: &[Confusable]) -> Verdict {
+    fn verdict(&self, effects: &[NamedEffect], confusable: &[Confusable], gap: &Gap) -> Verdict {
         let remains = self.explanation.remains();
         if effects.is_empty() && self.shared_names().next().is_none() {
             return match (remains, self.last().probabilities[0].effect) {
@@ -196,6 +201,8 @@ impl Told<'_> {
             || effects.iter().any(|effect| effect.probability < 0.5)
         {
             Verdict::Ambiguous
+        } else if falls_short(gap) {
+            Verdict::PartlyExplained
         } else {
             Verdict::Explained
         }
@@ -327,6 +334,12 @@ impl Told<'_> {
             augmented_nm: pick(&|k| measured[k] - after_nm[k]),
         })
     }
+}
+
+/// Whether names leave a gap that is larger than the floor and no small part of what it was.
+fn falls_short(gap: &Gap) -> bool {
+    let torque = &gap.torque_rms_nm;
+    gap.shrink < SHRINK_MIN && torque.after > ABOVE_FLOOR * torque.noise_floor
 }
 
 /// A kinematic error has up to three harmonics: one effect, parameters numbered by rising cycles.
