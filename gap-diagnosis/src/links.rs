@@ -11,6 +11,8 @@ use crate::observe::Band;
 /// Part of a motion's acceleration that a link's encoder may blur if the motion is taken from it: what a twin gets wrong of
 /// others' motion anyway.
 const BLUR_PART: f64 = 0.02;
+/// Stiffness of a gear by which it is found how well a swing behind it is known, over what the robot file tells.
+const SOFTER: f64 = 0.9;
 /// How far a joint's two encoders may be apart to show one motion.
 const AGREE_RAD: f64 = 0.05;
 
@@ -64,8 +66,8 @@ pub(crate) struct Links {
     pub motion: Motion,
     /// Every link behind its motor: a joint's own twin is driven by its motor.
     behind: Motion,
-    /// As if the gears were rigid of those links that no encoder shows.
-    unswung: Motion,
+    /// As it would be with the gears softer of those links that no encoder shows.
+    softer: Motion,
     /// Of each joint, whether that is so.
     is_unseen: Vec<bool>,
     /// Step and noise of the encoders that show the links, joint side.
@@ -87,12 +89,12 @@ impl Links {
         let gears: Vec<Option<JointModel>> = gears
             .map(|(position, model)| (!position.is_of_link).then_some(model))
             .collect();
-        let unswung = Motion::of(&motors, rate_hz)?;
-        let behind = unswung.behind_gears(&robot.chain, &gears)?;
+        let of_motors = Motion::of(&motors, rate_hz)?;
+        let behind = of_motors.behind_gears(&robot.chain, &gears)?;
         let mut links = Self {
             motion: behind.clone(),
+            softer: behind.clone(),
             behind,
-            unswung,
             is_unseen: gears.iter().map(Option::is_some).collect(),
             encoders: robot.joints.iter().map(motor_encoder).collect(),
             cutoff_hz: Band::at(rate_hz).cutoff_hz,
@@ -100,6 +102,22 @@ impl Links {
         if really.len() > 1 {
             for (joint, (position, file)) in really.iter().zip(&robot.joints).enumerate() {
                 links.see(joint, position, file, rate_hz)?;
+            }
+            let unseen = || links.is_unseen.iter().zip(&gears);
+            if unseen().any(|(is_unseen, _)| *is_unseen) {
+                let softer = unseen().map(|(is_unseen, gear)| {
+                    let mut gear = gear.clone()?;
+                    if *is_unseen {
+                        gear.stiffness_nm_rad *= SOFTER;
+                    }
+                    Some(gear)
+                });
+                let softer: Vec<Option<JointModel>> = softer.collect();
+                let softer = of_motors.behind_gears(&robot.chain, &softer)?;
+                links.softer = links.motion.clone();
+                for joint in (0..gears.len()).filter(|joint| links.is_unseen[*joint]) {
+                    links.softer = links.softer.with_own(&softer, joint);
+                }
             }
         }
         Ok(links)
@@ -120,7 +138,6 @@ impl Links {
         let link_rad = link_rad.filter(|link_rad| agree(link_rad, &position.motor_rad));
         if let Some((link_rad, encoder)) = link_rad.zip(encoder) {
             self.motion.set(joint, link_rad)?;
-            self.unswung.set(joint, link_rad)?;
             self.is_unseen[joint] = false;
             self.encoders[joint] = encoder;
         }
@@ -132,16 +149,17 @@ impl Links {
         self.motion.with_own(&self.behind, joint).load(chain, joint)
     }
 
-    /// The part of its load by which the other links swing where no encoder shows it.
+    /// By how much its load is another with softer gears of the other links that no encoder shows: what nobody can know of how
+    /// they swing. Little where they follow their motors, all of it and more near the resonance.
     pub fn unseen_nm(&self, chain: &Chain, joint: usize, load: &Load) -> Vec<f64> {
         let mut others = (0..self.is_unseen.len()).filter(|other| *other != joint);
         if !others.any(|other| self.is_unseen[other]) {
             return vec![0.0; load.coupling_nm.len()];
         }
-        let unswung = self.unswung.with_own(&self.behind, joint);
-        let unswung = unswung.load(chain, joint);
-        let both = load.coupling_nm.iter().zip(&unswung.coupling_nm);
-        both.map(|(swung_nm, unswung_nm)| swung_nm - unswung_nm)
+        let softer = self.softer.with_own(&self.behind, joint);
+        let softer = softer.load(chain, joint);
+        let both = load.coupling_nm.iter().zip(&softer.coupling_nm);
+        both.map(|(as_told_nm, softer_nm)| as_told_nm - softer_nm)
             .collect()
     }
 

@@ -25,7 +25,7 @@ pub struct JointStretch {
     pub load: Load,
     /// Torque that rounding of the other joints' encoders pretends, root mean square.
     pub others_rounding_nm: Vec<f64>,
-    /// Torque by which the other joints' links swing behind their gears where no encoder shows it.
+    /// Torque that nobody can know of how the other joints' links swing behind their gears where no encoder shows it.
     pub unseen_nm: Vec<f64>,
     /// Motor torque, or the command where the drive reports none.
     pub torque_nm: Vec<f64>,

@@ -48,7 +48,7 @@ pub struct Row {
     pub motor_angle_rad: f64,
     /// Largest torque that accelerates rotor and link, and of the other joints' motion, within what the low-pass sees.
     pub inertial_nm: f64,
-    /// Largest torque by which the other joints' links swing where no encoder shows it.
+    /// Largest torque that nobody can know of how the other joints' links swing where no encoder shows it.
     pub unseen_nm: f64,
     /// Torque that swings the rotor above the band, beyond what is usual of the recording.
     pub vibrating_nm: f64,

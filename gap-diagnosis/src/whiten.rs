@@ -58,9 +58,9 @@ const REVERSAL: f64 = 15.0;
 const REVERSAL_S: f64 = 0.12;
 /// Of the torque that accelerates the joint, the twin is off by this part: sensors and twin are not at the same instant.
 const INERTIAL: f64 = 0.02;
-/// Of the torque by which links swing that no encoder shows, so many times may be wrong: a little off in frequency or damping
-/// such a swing is soon in the opposite phase, and it shakes this joint's own gear where that swings too.
-const UNSEEN: f64 = 3.0;
+/// Of the difference that softer gears of links make that no encoder shows, so many times may be wrong: their damping is not known
+/// either, and what they do shakes this joint's own gear.
+const UNSEEN: f64 = 2.0;
 /// Of the torque that swings the rotor above the band, friction within it is off by this part.
 const VIBRATING: f64 = 0.2;
 /// Slower than this part of the fastest is as good as standing.
