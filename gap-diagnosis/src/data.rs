@@ -1,7 +1,7 @@
 //! What is checked before anything is computed: whether the data are what the robot file says, and what they support.
 
 use recording::{CheckJoint, CheckRobot, Finding, FindingKind, Recording, Severity, check};
-use robot::{Robot, RobotJoint};
+use robot::{Effect, Robot, RobotJoint};
 
 use crate::known::Known;
 use crate::refine::Refined;
@@ -33,6 +33,10 @@ fn check_joint(joint: &RobotJoint) -> CheckJoint {
         torque_constant_nm_a: joint.torque_constant_nm_a,
         motor_encoder_resolution_rad: joint.motor_encoder_resolution_rad,
         link_encoder_resolution_rad: joint.link_encoder_resolution_rad,
+        stiffness_nm_rad: joint.effects.iter().find_map(|effect| match effect {
+            Effect::TorsionalCompliance { stiffness_nm_rad } => Some(*stiffness_nm_rad),
+            _ => None,
+        }),
     }
 }
 

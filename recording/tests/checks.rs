@@ -97,6 +97,7 @@ fn robot() -> CheckRobot {
         torque_constant_nm_a: Some(TORQUE_CONSTANT_NM_A),
         motor_encoder_resolution_rad: Some(MOTOR_STEP_RAD),
         link_encoder_resolution_rad: Some(LINK_STEP_RAD),
+        stiffness_nm_rad: Some(2e4),
     };
     CheckRobot {
         name: "bench".to_owned(),
@@ -296,6 +297,30 @@ fn lost_motion_is_no_gear_ratio() {
     let findings = serious(check(&recording, Some(&robot())));
     let is_ratio = |finding: &Finding| finding.kind == FindingKind::WrongGearRatio;
     assert!(!findings.iter().any(is_ratio), "{findings:#?}");
+}
+
+#[test]
+fn a_soft_gears_windup_is_no_gear_ratio() {
+    let (_, ratio, _) = JOINTS[1];
+    let mut recording = whole();
+    let link_rad = column(&mut recording, 1, Signal::LinkPositionRad).clone();
+    let load_nm = column(&mut recording, 1, Signal::JointTorqueNm).clone();
+    let stiffness_nm_rad = 300.0;
+    let motor_rad = link_rad.iter().zip(&load_nm);
+    *column(&mut recording, 1, Signal::MotorPositionRad) = motor_rad
+        .map(|(q, load_nm)| {
+            (ratio * (q + load_nm / stiffness_nm_rad) / MOTOR_STEP_RAD).round() * MOTOR_STEP_RAD
+        })
+        .collect();
+    let is_ratio = |finding: &Finding| finding.kind == FindingKind::WrongGearRatio;
+    let mut robot = robot();
+    // half as soft as the file says is a gap, not another gear
+    robot.joints[1].stiffness_nm_rad = Some(2.0 * stiffness_nm_rad);
+    let findings = check(&recording, Some(&robot));
+    assert!(!findings.iter().any(is_ratio), "{findings:#?}");
+    robot.joints[1].stiffness_nm_rad = None;
+    let findings = check(&recording, Some(&robot));
+    assert!(findings.iter().any(is_ratio), "{findings:#?}");
 }
 
 #[test]

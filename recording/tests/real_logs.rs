@@ -69,6 +69,7 @@ fn kuka() -> CheckRobot {
         torque_constant_nm_a: None,
         motor_encoder_resolution_rad: None,
         link_encoder_resolution_rad: None,
+        stiffness_nm_rad: None,
     };
     CheckRobot {
         name: "kr300".to_owned(),

@@ -138,6 +138,8 @@ pub struct CheckJoint {
     pub motor_encoder_resolution_rad: Option<f64>,
     /// Step of the link encoder, joint side.
     pub link_encoder_resolution_rad: Option<f64>,
+    /// Of the gear, where it is known.
+    pub stiffness_nm_rad: Option<f64>,
 }
 
 impl CheckRobot {

@@ -271,8 +271,10 @@ fn explain(
 
 /// The gear ratio from both encoders against the robot file's.
 fn gear_ratio(joint: &JointColumns, robot: Option<&CheckJoint>, seen: &Scales) -> Option<Finding> {
-    /// A soft gear's windup and an encoder's eccentricity change the ratio by less.
+    /// An encoder's eccentricity and the windup of a gear of unknown stiffness change the ratio by less.
     const RATIO_OFF: f64 = 0.01;
+    /// So many times softer than its file says a gear may be.
+    const SOFTER: f64 = 3.0;
     /// Lost motion changes the ratio of a short swing by more, but not along a straight line: it scatters about as much as it
     /// tilts.
     const STRAIGHT: f64 = 0.5;
@@ -288,8 +290,24 @@ fn gear_ratio(joint: &JointColumns, robot: Option<&CheckJoint>, seen: &Scales) -
         return reversed.map(|finding| finding.at(joint).of(Signal::MotorPositionRad));
     };
     let off = measured / robot.gear_ratio - 1.0;
+    let windup = SOFTER * windup(joint, robot);
+    let beyond = off - off.clamp(windup.min(0.0), windup.max(0.0));
     let is_straight = seen.ratio_scatter < STRAIGHT * off.abs();
-    (off.abs() > RATIO_OFF && is_straight).then(|| wrong_ratio(joint, measured, seen))
+    (beyond.abs() > RATIO_OFF && is_straight).then(|| wrong_ratio(joint, measured, seen))
+}
+
+/// By how much the torque winds a gear up per angle of its joint (least squares): it turns the motor on, as another ratio would.
+fn windup(joint: &JointColumns, robot: &CheckJoint) -> f64 {
+    let torques = [Signal::MotorTorqueNm, Signal::CommandTorqueNm];
+    let torque_nm = torques.iter().find_map(|signal| values(joint, *signal));
+    let load = values(joint, Signal::LinkPositionRad)
+        .zip(torque_nm)
+        .and_then(|(link_rad, torque_nm)| line(link_rad, torque_nm));
+    load.zip(robot.stiffness_nm_rad)
+        .filter(|(_, stiffness_nm_rad)| *stiffness_nm_rad > 0.0)
+        .map_or(0.0, |(load, stiffness_nm_rad)| {
+            load.slope * load.correlation.abs() * robot.gear_ratio / stiffness_nm_rad
+        })
 }
 
 fn wrong_ratio(joint: &JointColumns, measured: f64, seen: &Scales) -> Finding {
