@@ -200,6 +200,34 @@ fn a_gap_is_named_when_it_appears_and_not_before() {
 }
 
 #[test]
+fn what_was_there_but_could_not_show_is_no_gap_when_it_does() {
+    let bench = bench("watch-faster");
+    let always = "[[effect]]\njoint = \"joint1\"\neffect = \"quadratic_friction\"\nquadratic_nm_s2_rad2 = 0.5\n";
+    fs::write(bench.file("always.toml"), always).unwrap();
+    // slow while the joint is learnt, then six times as fast
+    let mut waypoints = "time_s,joint1.reference_position_rad\n".to_owned();
+    let mut turned_rad = 0.0_f64;
+    for step in 0..=500 {
+        let time_s = 0.05 * f64::from(step);
+        waypoints += &format!("{time_s},{}\n", 0.6 * turned_rad.sin());
+        turned_rad += if time_s < 16.0 { 0.025 } else { 0.15 };
+    }
+    fs::write(bench.file("faster.csv"), waypoints).unwrap();
+    run(&bench, "faster.csv", "25s", "always.toml");
+    flexspline(
+        &bench,
+        "gap watch --robot bench.toml --recording run.mcap --window 14s --json events.json",
+    );
+    let events = json(&bench, "events.json");
+    let events = events.as_array().unwrap();
+    assert_eq!(events[0]["event"], "watching", "{events:?}");
+    assert!(
+        events.iter().all(|event| event["event"] != "gap"),
+        "{events:?}"
+    );
+}
+
+#[test]
 fn a_running_instance_is_watched_through_its_relay() {
     let bench = bench("live");
     let mut run = bench.run(&["--robot", "bench.toml", "--trajectory", "multi_sine"]);

@@ -27,6 +27,8 @@ pub struct Baseline {
     floors: Vec<(Channel, Floor)>,
     /// Effects that were already there.
     pub effects: Vec<Effect>,
+    /// What it was learnt from.
+    tables: Vec<Recording>,
 }
 
 impl Baseline {
@@ -39,8 +41,16 @@ impl Baseline {
         joint: usize,
         recording: &Recording,
     ) -> Result<Option<Self>, DiagnoseError> {
-        let table = torque_of_one(robot, joint, recording);
-        let stretches = stretches(&[&table], robot)?;
+        Self::of(robot, joint, vec![torque_of_one(robot, joint, recording)])
+    }
+
+    fn of(
+        robot: &Robot,
+        joint: usize,
+        tables: Vec<Recording>,
+    ) -> Result<Option<Self>, DiagnoseError> {
+        let all: Vec<&Recording> = tables.iter().collect();
+        let stretches = stretches(&all, robot)?;
         let Some(twin) = JointTwin::new(robot, joint, &stretches)? else {
             return Ok(None);
         };
@@ -63,7 +73,34 @@ impl Baseline {
             known,
             floors: floors.collect(),
             effects,
+            tables,
         }))
+    }
+
+    /// Time and whitened residual of every row of what this was learnt from and of a later recording, held against what the
+    /// joint would be like throughout if it had not changed.
+    ///
+    /// # Errors
+    /// [`DiagnoseError`].
+    pub fn unchanged(
+        &self,
+        robot: &Robot,
+        later: &Recording,
+    ) -> Result<Vec<[f64; 2]>, DiagnoseError> {
+        let mut tables = self.tables.clone();
+        tables.push(torque_of_one(robot, self.joint, later));
+        let Some(throughout) = Self::of(robot, self.joint, tables)? else {
+            return Ok(Vec::new());
+        };
+        let throughout = Self {
+            floors: self.floors.clone(),
+            ..throughout
+        };
+        let mut rows = Vec::new();
+        for table in &throughout.tables {
+            rows.extend(throughout.residual(table)?);
+        }
+        Ok(rows)
     }
 
     /// Time and whitened residual of every row of a recording, held against what was.

@@ -3,7 +3,7 @@
 //! Each joint learns from its first window what it is like ([`Baseline`]: known values refitted, what is already there named
 //! and taken as given). Then every half second is simulated and its residual watched for growth ([`Detector`]). Only when that
 //! fires, the samples since the gap appeared are diagnosed, first after 4 s ([`LOOKS_S`]) and again with more of them: if they
-//! show nothing beyond noise and tolerance, it was none; that nothing explains it is only said at the last look. Afterwards the
+//! show nothing beyond noise and tolerance, or nothing that could not have been there before, it was none; that nothing explains it is only said at the last look. Afterwards the
 //! joint learns anew, gap included.
 
 mod baseline;
@@ -68,7 +68,7 @@ pub enum Event {
     },
     /// A gap appeared.
     Gap(Alarm),
-    /// The residual had grown, and known values within their tolerance explain it.
+    /// The residual had grown, and known values within their tolerance explain it, or what would explain it as well before.
     Dismissed {
         /// Name of the joint.
         joint: String,
@@ -195,6 +195,8 @@ enum Stage {
 #[derive(Clone, Debug)]
 struct Watching {
     baseline: Baseline,
+    /// Before any hop.
+    calm: Detector,
     detector: Detector,
     /// Whitened residuals since the sum left zero, and a hop before.
     rows: Vec<[f64; 2]>,
@@ -203,6 +205,7 @@ struct Watching {
 #[derive(Clone, Debug)]
 struct Suspecting {
     baseline: Baseline,
+    calm: Detector,
     appeared_s: f64,
     noticed_s: f64,
     /// Of [`LOOKS_S`].
@@ -290,6 +293,7 @@ fn learn(
     };
     let watching = Watching {
         baseline,
+        calm: detector.clone(),
         detector,
         rows: Vec::new(),
     };
@@ -332,6 +336,7 @@ impl Watching {
         }
         let suspecting = Suspecting {
             baseline: self.baseline.clone(),
+            calm: self.calm.clone(),
             appeared_s: began_s(&mut self.rows).unwrap_or(seen.now_s),
             noticed_s: seen.now_s,
             look: 0,
@@ -381,7 +386,8 @@ impl Suspecting {
         let may_pass = best.is_some_and(|best| best.effect == "unknown") && !is_last;
         let sure = (none < 1.0 - SURE && !may_pass) || (is_last && none < 0.5);
         let is_new = best.is_some_and(|best| self.told.as_deref() != Some(best.effect));
-        let event = if sure && is_new {
+        let tell = sure && is_new && (self.told.is_some() || self.has_changed(seen, &since)?);
+        let event = if tell {
             let again = self.told.is_some();
             self.told = best.map(|best| best.effect.to_owned());
             Some(Event::Gap(Alarm {
@@ -406,6 +412,17 @@ impl Suspecting {
             reason: None,
         });
         Ok((event, next))
+    }
+
+    /// Whether what the joint is like now cannot be what it was like before: that it was learnt from too little, or shows now
+    /// what it had no occasion to show, is no change.
+    fn has_changed(&self, seen: &Seen<'_>, since: &Recording) -> Result<bool, DiagnoseError> {
+        let mut rows = self.baseline.unchanged(seen.robot, since)?;
+        rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let mut detector = self.calm.clone();
+        let hops = rows.chunk_by(|a, b| (a[0] / HOP_S).floor() == (b[0] / HOP_S).floor());
+        let mut squares = hops.filter_map(mean_square);
+        Ok(squares.any(|square| detector.add(square)))
     }
 }
 

@@ -102,7 +102,7 @@ fn line(event: &Event) -> String {
             appeared_s,
         } => writeln!(
             text,
-            "{at_s:.1} s: {joint}: what grew at {appeared_s:.1} s is within noise and tolerance"
+            "{at_s:.1} s: {joint}: what grew at {appeared_s:.1} s is no change: within noise and tolerance, or there before"
         ),
         Event::Gap(alarm) => writeln!(
             text,
