@@ -41,6 +41,8 @@ const TURNS_NATS: f64 = 8.0;
 
 /// Standard errors, from the scatter between blocks of time, above which an effect's size is not in doubt.
 const SURE_ERRORS: f64 = 5.0;
+/// Nats by which an effect must leave less than another for the other not to be preferred because its size is surer.
+const DECISIVE_NATS: f64 = 30.0;
 
 /// Both add the same torque whichever way a joint turns. They part only where it sticks, where a twin's friction is no better
 /// than another's.
@@ -165,6 +167,33 @@ fn tempered(gain: f64) -> f64 {
     TEMPER * 0.5 * gain
 }
 
+/// The most that an effect of so many squared standard errors is worth beyond what naming it costs: half of them where they are
+/// few, anything where its size is not in doubt.
+fn most_worth(square: f64, cost: f64) -> f64 {
+    let doubt = 1.0 - square / SURE_ERRORS.powi(2);
+    let worth = 0.5 * square - cost;
+    if doubt <= 0.0 {
+        f64::INFINITY
+    } else if worth > 0.0 {
+        worth / doubt
+    } else {
+        worth
+    }
+}
+
+/// What effects are worth, each given with what it would be if its size were not in doubt first: what leaves decisively more than
+/// another stays behind it, however much that one's size is in doubt.
+fn decided(all: &[[f64; 2]]) -> impl Iterator<Item = f64> {
+    all.iter().map(|[sure, doubted]| {
+        let better = all
+            .iter()
+            .filter(|[other, _]| *other > sure + DECISIVE_NATS);
+        better.fold(*doubted, |least, [_, other]| {
+            least.min(*other - DECISIVE_NATS)
+        })
+    })
+}
+
 /// What naming an effect with so many values costs.
 pub(crate) fn naming(values: usize) -> f64 {
     NAMING + VALUE * values.saturating_sub(1) as f64
@@ -230,28 +259,29 @@ impl Standings {
     /// strong effects, and known values far off, do not respond in proportion.
     ///
     /// An effect of few standard errors is worth no more than they allow: they know from the scatter between blocks of time
-    /// how far a twin's errors look like the effect.
+    /// how far a twin's errors look like the effect. What leaves decisively more than such an effect stays behind it.
     pub fn refit(&mut self, ranking: &Ranking, without: Left, simulated: &[Simulated]) {
         let squares = simulated.iter().map(|simulated| simulated.left.square);
         let least = squares.fold(without.square, f64::min);
         let variance = variance_of(ranking, least);
-        let value = |simulated: &Simulated| {
+        // by what it leaves, and with what its size is in doubt
+        let values = |simulated: &Simulated| {
             let scored = &ranking.scored[simulated.index];
             let errors = (without.square - simulated.left.square) / variance;
             let spared = without.strain - simulated.left.strain;
             let worth = worth(ranking, scored, errors, spared);
-            match simulated.certainty {
-                Some(square) if square < SURE_ERRORS.powi(2) => {
-                    let values = scored.hypothesis.amplitudes() + scored.hypothesis.shape.len();
-                    let more = Trust::of(ranking.joints).naming_nats;
-                    worth.min(0.5 * square - naming(values) - more)
-                }
-                _ => worth,
-            }
+            let values = scored.hypothesis.amplitudes() + scored.hypothesis.shape.len();
+            let cost = naming(values) + Trust::of(ranking.joints).naming_nats;
+            let most = simulated
+                .certainty
+                .map_or(f64::INFINITY, |square| most_worth(square, cost));
+            [worth, worth.min(most)]
         };
+        let all: Vec<[f64; 2]> = simulated.iter().map(values).collect();
         let mut simulated: Vec<(usize, f64, f64)> = simulated
             .iter()
-            .map(|one| (one.index, self.nats_of(one.index), value(one)))
+            .zip(decided(&all))
+            .map(|(one, value)| (one.index, self.nats_of(one.index), value))
             .collect();
         simulated.sort_by(|a, b| b.1.total_cmp(&a.1));
         for (index, nats) in &mut self.effects {
@@ -350,6 +380,19 @@ mod tests {
         assert!(unknown_probability(&left, 0.0) > 0.9);
         assert!(unknown_probability(&left, 4000.0) < 0.1);
         assert!(unknown_probability(&[("time", -12.0)], 0.0) < 0.1);
+    }
+
+    #[test]
+    fn doubt_about_a_size_ends_without_a_leap_and_decides_little() {
+        let most = |errors: f64| most_worth(errors * errors, 7.0);
+        assert!(most(3.0) < 0.0);
+        assert!((4.0..15.0).contains(&most(4.3)), "{}", most(4.3));
+        assert!(most(4.9) > 100.0);
+        assert_eq!(most(5.0), f64::INFINITY);
+        let of = |all: [[f64; 2]; 2]| decided(&all).collect::<Vec<_>>();
+        // what leaves decisively less stays ahead of what is surer of its size
+        assert_eq!(of([[500.0, 20.0], [380.0, 380.0]]), [20.0, -10.0]);
+        assert_eq!(of([[500.0, 20.0], [480.0, 480.0]]), [20.0, 480.0]);
     }
 
     #[test]

@@ -349,9 +349,9 @@ impl Growing<'_, '_> {
         Ok(())
     }
 
-    /// The best effect of a step that is worth being added. Several that are alike may only together outweigh none.
+    /// The best effect of a step that is worth being added.
     fn best(&self, step: &Step) -> Option<Refitted> {
-        let is_gap = self.added.is_empty() && step.probability_of("none") < 0.5;
+        let is_gap = self.added.is_empty() && step.outweighs_none();
         let mut refitted = step.refitted.iter().filter(|best| !best.is_named_before());
         refitted
             .find(|best| is_gap || best.nats >= self.worth(best))

@@ -19,6 +19,8 @@ const REFITTED: usize = 4;
 /// not respond in proportion.
 const NEAR_NATS: f64 = 30.0;
 const NEAR_PART: f64 = 0.5;
+/// Above this probability of `none` nothing is named.
+const NONE_MOST: f64 = 0.3;
 /// Effects of the gear's twist: what it does at large torques says little of small ones, so that linear responses do not tell
 /// which of them it is.
 pub(crate) const TWIST: [&str; 3] = ["torsional_compliance", "soft_windup", "backlash"];
@@ -217,6 +219,11 @@ impl Step {
         probabilities
             .find(|p| p.effect == effect)
             .map_or(0.0, |p| p.probability)
+    }
+
+    /// Whether something outweighs `none`: several effects that are alike may only do so together.
+    pub fn outweighs_none(&self) -> bool {
+        self.probability_of("none") < NONE_MOST
     }
 
     /// The step, with what was added.

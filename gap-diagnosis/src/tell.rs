@@ -183,9 +183,9 @@ impl Told<'_> {
     fn verdict(&self, effects: &[NamedEffect], confusable: &[Confusable], gap: &Gap) -> Verdict {
         let remains = self.explanation.remains();
         if effects.is_empty() && self.shared_names().next().is_none() {
-            return match (remains, self.last().probabilities[0].effect) {
-                (Remains::Nothing, "none") => Verdict::NoGap,
-                (Remains::Nothing, _) => Verdict::Ambiguous,
+            return match remains {
+                Remains::Nothing if self.last().outweighs_none() => Verdict::Ambiguous,
+                Remains::Nothing => Verdict::NoGap,
                 _ => Verdict::Unexplained,
             };
         }

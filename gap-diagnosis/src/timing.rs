@@ -13,8 +13,9 @@ use crate::follow::{answered_after, told_delay};
 use crate::report::DataFinding;
 use crate::runs;
 
-/// A torque that answers its command within so many rows was read in a loop faster than the recording.
-const AT_ONCE_ROWS: f64 = 0.6;
+/// A torque that answers its command after a whole number of rows, nearly, was read in a loop that runs with the recording: a
+/// faster one answers at any time.
+const WHOLE_ROWS: f64 = 0.25;
 /// A loop of which nobody told the rate, and that is faster than the recording: so many times.
 const FASTER: f64 = 1000.0;
 
@@ -85,15 +86,19 @@ fn presumed(
         let mut joints = recording.joints.iter();
         joints.any(|joint| joint.signals.contains_key(&Signal::CommandTorqueNm))
     };
-    let (rate_hz, delay_cycles) = match rows.get(rows.len() / 2) {
-        Some(rows) if *rows >= AT_ONCE_ROWS => (rate_hz, (rows - 1.0).round()),
-        Some(rows) => (FASTER * rate_hz, (FASTER * rows).round()),
+    // a rate may be told where the law is not
+    let told = robot.control.as_ref();
+    let faster = told.filter(|control| is_slower_than_loop(control, rate_hz));
+    let fast_hz = faster.map_or(FASTER * rate_hz, |control| control.rate_hz);
+    let (loop_hz, delay_cycles) = match rows.get(rows.len() / 2) {
+        Some(rows) if faster.is_none() && is_held(*rows) => (rate_hz, rows.round() - 1.0),
+        Some(rows) => (fast_hz, (fast_hz / rate_hz * rows).round()),
         None if recordings.iter().any(is_sent) => return robot.control.clone(),
-        None => (FASTER * rate_hz, 0.0),
+        None => (fast_hz, 0.0),
     };
     let joints = robot.joints.len();
     Some(Control {
-        rate_hz,
+        rate_hz: loop_hz,
         kind: ControlKind::Unknown,
         proportional_nm_rad: vec![0.0; joints],
         derivative_nm_s_rad: vec![0.0; joints],
@@ -103,6 +108,11 @@ fn presumed(
         velocity_filter_order: 1,
         delay_cycles: delay_cycles.max(0.0) as u32,
     })
+}
+
+fn is_held(rows: f64) -> bool {
+    let whole = rows.round();
+    whole >= 1.0 && (rows - whole).abs() <= WHOLE_ROWS
 }
 
 fn early(robot: &Robot, early_rows: &[usize]) -> Vec<DataFinding> {
@@ -171,5 +181,15 @@ mod tests {
         assert_eq!([control(1), control(3)].map(|c| c.delay_cycles), [0, 2]);
         assert!(!is_slower_than_loop(&control(1), 1500.0));
         assert!(is_slower_than_loop(&control(0), 1500.0));
+    }
+
+    #[test]
+    fn a_loop_of_which_only_the_rate_is_told_runs_at_that_rate() {
+        let mut robot = robot::load("shd17").unwrap();
+        let told = robot.control.as_mut().unwrap();
+        (told.kind, told.rate_hz) = (ControlKind::Unknown, 15_000.0);
+        let control = Timing::of(&robot, &[&recorded(2)]).control.unwrap();
+        assert_eq!((control.rate_hz, control.delay_cycles), (15_000.0, 20));
+        assert!(is_held(2.2) && !is_held(0.6) && !is_held(2.5) && !is_held(0.1));
     }
 }
