@@ -21,8 +21,11 @@ pub(crate) struct Bench<'a> {
     pub duration_s: f64,
 }
 
-/// What the plant of a run has beside the robot file.
+/// What the plant of a run is.
 pub(crate) struct Setup<'a> {
+    /// Whose values it has: the robot file's, which the controller has too, or others.
+    pub body: &'a Robot,
+    /// What it has beside them.
     pub plant: &'a PlantParameters,
     pub injections: &'a [Injection],
     /// The joint it acts on, and the law.
@@ -45,7 +48,7 @@ impl Bench<'_> {
         self.trajectory.sample(0.0, &mut start);
         let config = config(self.duration_s, setup.seed, &start.position_rad[..joints]);
         let mut plant = Plant::new(
-            self.robot,
+            setup.body,
             setup.plant,
             setup.injections,
             setup.seed,
@@ -140,8 +143,14 @@ fn config(duration_s: f64, seed: u64, start_rad: &[f64]) -> RunConfig {
     }
 }
 
+/// Root mean square of a series.
+pub(crate) fn rms(of: &[f64]) -> f64 {
+    let sum: f64 = of.iter().map(|x| x * x).sum();
+    (sum / of.len().max(1) as f64).sqrt()
+}
+
 /// Root mean square of the difference of two series.
 pub(crate) fn rms_difference(a: &[f64], b: &[f64]) -> f64 {
-    let sum: f64 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
-    (sum / a.len().max(1) as f64).sqrt()
+    let differences: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+    rms(&differences)
 }

@@ -1,6 +1,8 @@
 //! One case: a rig, a motion, and the effect that makes a gap of the wanted size.
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
 use gap_diagnosis::stage::Stage;
 use motion::Trajectory;
@@ -9,7 +11,7 @@ use robot::{Effect, Injection, Robot};
 use twin::TwinError;
 
 use crate::BlindError;
-use crate::bench::{Bench, Run, Setup, rms_difference};
+use crate::bench::{Bench, Run, Setup, rms, rms_difference};
 use crate::course::{Course, Room};
 use crate::families::{draw, equivalents};
 use crate::label::{CaseKind, Label, TrueEffect, TrueUnlisted};
@@ -19,6 +21,7 @@ use crate::random::Random;
 use crate::rig::{Rig, RigKind, joint_limit_nm};
 use crate::sizes::Sizes;
 use crate::strength::{Found, search};
+use crate::tolerance::Tolerance;
 use crate::unlisted::{LAWS, Unlisted};
 
 /// Rigs and motions that are drawn before a case is given up.
@@ -27,6 +30,8 @@ const DRAWS: usize = 40;
 const EFFECTS_TRIED: usize = 5;
 /// A run without effects must stay below this part of the drive's torque.
 const TORQUE_USED: f64 = 0.95;
+/// Gaps over noise below this are as small as what nobody can know, whatever causes them.
+const SMALL_LEVEL: f64 = 0.5;
 /// The strongest unlisted law, as part of the drive's torque.
 const UNLISTED_MOST: f64 = 0.25;
 
@@ -136,6 +141,12 @@ struct Stand<'a> {
     rig: &'a Rig,
     bench: Bench<'a>,
     seed: u64,
+    /// The plant with the file's values, and its run.
+    nominal: PlantParameters,
+    nominal_seed: u64,
+    exact: Run,
+    /// Of each joint, once somebody asked.
+    tolerances: RefCell<BTreeMap<usize, Rc<Tolerance>>>,
     /// Disturbance torque of every joint without effects.
     without_nm: Vec<Vec<f64>>,
     noise_nm: Vec<f64>,
@@ -157,6 +168,7 @@ impl<'a> Stand<'a> {
         };
         let run = |plant: &PlantParameters, seed| {
             bench.run(Setup {
+                body: &rig.robot,
                 plant,
                 injections: &[],
                 disturbance: None,
@@ -189,6 +201,10 @@ impl<'a> Stand<'a> {
             rig,
             bench,
             seed,
+            nominal,
+            nominal_seed: other_seed,
+            exact,
+            tolerances: RefCell::default(),
             without_nm,
             noise_nm,
             sizes,
@@ -202,6 +218,7 @@ impl<'a> Stand<'a> {
             Some((joint, unlisted.law.at(joint, unlisted.nm)))
         });
         self.bench.run(Setup {
+            body: &self.rig.robot,
             plant: &self.rig.plant,
             injections: &injections,
             disturbance: law,
@@ -209,8 +226,8 @@ impl<'a> Stand<'a> {
         })
     }
 
-    /// The largest gap over noise that this truth makes at one of the joints; none if the loop stops for safety.
-    fn gap_to_noise(&self, truth: &Truth, joints: &[usize]) -> Result<Option<f64>, BlindError> {
+    /// What this truth changes of every joint's disturbance torque; none if the loop stops for safety.
+    fn changes_nm(&self, truth: &Truth) -> Result<Option<Vec<Vec<f64>>>, BlindError> {
         let run = match self.run(truth) {
             Err(
                 BlindError::Twin(TwinError::SafeStop { .. } | TwinError::Diverged { .. })
@@ -219,10 +236,50 @@ impl<'a> Stand<'a> {
             run => run?,
         };
         let with_nm = self.bench.disturbances_nm(&run)?;
-        let ratios = joints.iter().map(|&joint| {
-            rms_difference(&with_nm[joint], &self.without_nm[joint]) / self.noise_nm[joint]
+        let joints = with_nm.iter().zip(&self.without_nm);
+        let changes = joints.map(|(with, without)| {
+            let each = with.iter().zip(without);
+            each.map(|(with, without)| with - without).collect()
         });
-        Ok(Some(ratios.fold(0.0, f64::max)))
+        Ok(Some(changes.collect()))
+    }
+
+    /// The largest gap over noise that this truth makes at one of the joints; none if the loop stops for safety.
+    fn gap_to_noise(&self, truth: &Truth, joints: &[usize]) -> Result<Option<f64>, BlindError> {
+        let changes_nm = self.changes_nm(truth)?;
+        Ok(changes_nm.map(|changes_nm| {
+            let ratios = joints.iter().map(|&joint| self.ratio(&changes_nm, joint));
+            ratios.fold(0.0, f64::max)
+        }))
+    }
+
+    fn ratio(&self, changes_nm: &[Vec<f64>], joint: usize) -> f64 {
+        rms(&changes_nm[joint]) / self.noise_nm[joint]
+    }
+
+    /// Whether this truth is a gap: at the joint that shows it most the known values do not explain it within their tolerance.
+    fn is_gap(&self, truth: &Truth, joints: &[usize]) -> Result<bool, BlindError> {
+        let Some(changes_nm) = self.changes_nm(truth)? else {
+            return Ok(false);
+        };
+        let ratio = |joint: &usize| self.ratio(&changes_nm, *joint);
+        let most = joints.iter().max_by(|a, b| ratio(a).total_cmp(&ratio(b)));
+        let Some(&joint) = most else {
+            return Ok(false);
+        };
+        Ok(!self.tolerance(joint)?.explains(&changes_nm[joint]))
+    }
+
+    fn tolerance(&self, joint: usize) -> Result<Rc<Tolerance>, BlindError> {
+        if let Some(known) = self.tolerances.borrow().get(&joint) {
+            return Ok(Rc::clone(known));
+        }
+        let nominal = (&self.nominal, self.nominal_seed);
+        let found = Rc::new(Tolerance::of(&self.bench, nominal, &self.exact, joint)?);
+        self.tolerances
+            .borrow_mut()
+            .insert(joint, Rc::clone(&found));
+        Ok(found)
     }
 
     /// Searches the strength whose gap has the wanted size.
@@ -286,9 +343,16 @@ impl<'a> Stand<'a> {
             effects: vec![entry((family.make)(strength), 0.0)],
             ..Truth::default()
         })?;
-        Ok(found
-            .filter(|found| found.strength >= family.least)
-            .map(|found| entry((family.make)(found.strength), found.gap_to_noise)))
+        let Some(found) = found.filter(|found| found.strength >= family.least) else {
+            return Ok(None);
+        };
+        let effect = entry((family.make)(found.strength), found.gap_to_noise);
+        let truth = Truth {
+            effects: vec![effect.clone()],
+            ..Truth::default()
+        };
+        let is_gap = level < SMALL_LEVEL || self.is_gap(&truth, &joints)?;
+        Ok(is_gap.then_some(effect))
     }
 
     fn unlisted(
@@ -312,7 +376,16 @@ impl<'a> Stand<'a> {
             unlisted: Some(entry(nm, 0.0)),
             ..Truth::default()
         })?;
-        Ok(found.map(|found| entry(found.strength, found.gap_to_noise)))
+        let Some(found) = found else {
+            return Ok(None);
+        };
+        let unlisted = entry(found.strength, found.gap_to_noise);
+        let truth = Truth {
+            unlisted: Some(unlisted.clone()),
+            ..Truth::default()
+        };
+        let is_gap = level < SMALL_LEVEL || self.is_gap(&truth, &[joint])?;
+        Ok(is_gap.then_some(unlisted))
     }
 }
 

@@ -27,6 +27,7 @@ pub mod score;
 mod seal;
 mod sizes;
 mod strength;
+mod tolerance;
 mod unlisted;
 
 use std::collections::BTreeMap;

@@ -51,6 +51,7 @@ impl Rig {
 fn plant(robot: &Robot, random: &mut Random) -> PlantParameters {
     let mut plant = PlantParameters::nominal(robot);
     plant.parameter_deviation = robot.tolerance.default;
+    plant.link_deviation = robot.tolerance.default;
     let largest_nm = robot.joints.iter().map(joint_limit_nm).fold(0.0, f64::max);
     plant.joint_torque_noise_nm = random
         .chance(0.25)

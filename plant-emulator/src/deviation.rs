@@ -2,7 +2,8 @@
 //!
 //! Masses, rotor inertias, gear stiffness and every friction value are multiplied by `1 + s·n`, with `s` the plant's
 //! `parameter_deviation` and `n` normal, drawn from the seed's own stream of the joint. A link's inertia tensor
-//! follows its mass. Lengths, centres of mass, gear ratios and sensors are exact.
+//! follows its mass; it and the coordinates of the centre of mass are multiplied by `1 + l·n` each, with `l` the plant's
+//! `link_deviation`. Lengths, gear ratios and sensors are exact.
 
 use std::sync::Arc;
 
@@ -64,6 +65,13 @@ impl Deviation {
         row_nm.iter().map(|level_nm| level_nm * factor).collect()
     }
 
+    fn centre_and_inertia(&mut self, link: &mut Link) {
+        link.inertia_kg_m2 *= self.factor();
+        for coordinate_m in link.centre_of_mass_m.iter_mut() {
+            *coordinate_m *= self.factor();
+        }
+    }
+
     fn link(&mut self, link: &Link) -> Link {
         let factor = self.factor();
         Link {
@@ -93,13 +101,16 @@ pub(crate) fn individual(
                 noise,
                 relative: parameters.parameter_deviation,
             };
-            Individual {
+            let mut individual = Individual {
                 link: deviation.link(link),
                 rotor_inertia_kg_m2: file.rotor_inertia_kg_m2 * deviation.factor(),
                 curve: hidden.curve().scaled(deviation.factor()),
                 friction: table_friction(file, hidden, &mut deviation),
                 effects: effects(file, hidden, &mut deviation),
-            }
+            };
+            deviation.relative = parameters.link_deviation;
+            deviation.centre_and_inertia(&mut individual.link);
+            individual
         })
         .collect()
 }
@@ -199,6 +210,28 @@ mod tests {
     use robot::FrictionTable;
 
     use super::*;
+
+    #[test]
+    fn centres_and_inertias_are_off_by_their_own_deviation_and_nothing_else_changes() {
+        let robot = robot::load("pa10").unwrap();
+        let exact = PlantParameters::for_robot(&robot).unwrap();
+        let off = PlantParameters {
+            link_deviation: 0.02,
+            ..exact.clone()
+        };
+        let [exact, off] = [exact, off].map(|parameters| individual(&robot, &parameters, 7));
+        for ((exact, off), file) in exact.iter().zip(&off).zip(robot.chain.links()) {
+            assert_eq!(exact.link.mass_kg, off.link.mass_kg);
+            assert_eq!(exact.rotor_inertia_kg_m2, off.rotor_inertia_kg_m2);
+            assert_eq!(exact.link.centre_of_mass_m, file.centre_of_mass_m);
+            for (off_m, file_m) in off.link.centre_of_mass_m.iter().zip(&file.centre_of_mass_m) {
+                assert!((off_m - file_m).abs() <= 0.1 * file_m.abs());
+                assert!(*file_m == 0.0 || off_m != file_m);
+            }
+            let factor = off.link.inertia_kg_m2[(0, 0)] / exact.link.inertia_kg_m2[(0, 0)];
+            assert!(factor != 1.0 && (factor - 1.0).abs() < 0.1, "{factor}");
+        }
+    }
 
     #[test]
     fn a_friction_table_is_in_the_plant_and_stands_for_the_hidden_harmonics() {

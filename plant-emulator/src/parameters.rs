@@ -39,6 +39,9 @@ const GENERIC_KINEMATIC_ERROR_RAD: f64 = 2.9e-5;
 pub struct PlantParameters {
     /// Relative standard deviation of masses, rotor inertias, stiffnesses and friction from the robot file's values.
     pub parameter_deviation: f64,
+    /// The same of every coordinate of the links' centres of mass, and of their inertias beside their masses.
+    #[serde(default)]
+    pub link_deviation: f64,
     /// Torque of one digit of the drive's two-byte command and report, motor side (PA10-05, eq (1)).
     pub torque_digit_nm: f64,
     /// Rate of the drive's velocity loop (PA10-05: 1504 Hz).
@@ -142,6 +145,7 @@ impl PlantParameters {
             .fold(0.0, f64::max);
         Self {
             parameter_deviation: 0.0,
+            link_deviation: 0.0,
             torque_digit_nm: if largest_nm > 0.0 {
                 largest_nm / DIGITS_AT_LIMIT
             } else {
@@ -207,6 +211,7 @@ impl PlantParameters {
             return Err(PlantError::Joints { found, expected });
         }
         not_negative("plant", "parameter_deviation", self.parameter_deviation)?;
+        not_negative("plant", "link_deviation", self.link_deviation)?;
         not_negative(
             "plant",
             "joint_torque_noise_nm",
