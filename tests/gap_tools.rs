@@ -180,19 +180,25 @@ fn effects_of_a_file_may_be_asked_about_and_what_no_motion_tells_apart_is_said()
     assert!(!bench.file("next.toml").exists());
 }
 
+/// What is told along the run, the joint learnt from its first 14 s.
+fn watched(bench: &Bench) -> Vec<Value> {
+    flexspline(
+        bench,
+        "gap watch --robot bench.toml --recording run.mcap --window 14s --json events.json",
+    );
+    let events = json(bench, "events.json");
+    let events = events.as_array().unwrap();
+    assert_eq!(events[0]["event"], "watching", "{events:?}");
+    events.clone()
+}
+
 #[test]
 fn a_gap_is_named_when_it_appears_and_not_before() {
     let bench = bench("watch");
     let later = "[[effect]]\njoint = \"joint1\"\neffect = \"coulomb_friction\"\ncoulomb_nm = 1.0\nstart_s = 18.0\n";
     fs::write(bench.file("later.toml"), later).unwrap();
     run(&bench, "multi_sine", "26s", "later.toml");
-    flexspline(
-        &bench,
-        "gap watch --robot bench.toml --recording run.mcap --window 14s --json events.json",
-    );
-    let events = json(&bench, "events.json");
-    let events = events.as_array().unwrap();
-    assert_eq!(events[0]["event"], "watching", "{events:?}");
+    let events = watched(&bench);
     let gap = events.iter().find(|event| event["event"] == "gap").unwrap();
     let appeared_s = gap["appeared_s"].as_f64().unwrap();
     assert!((17.5..20.0).contains(&appeared_s), "{gap}");
@@ -214,13 +220,7 @@ fn what_was_there_but_could_not_show_is_no_gap_when_it_does() {
     }
     fs::write(bench.file("faster.csv"), waypoints).unwrap();
     run(&bench, "faster.csv", "25s", "always.toml");
-    flexspline(
-        &bench,
-        "gap watch --robot bench.toml --recording run.mcap --window 14s --json events.json",
-    );
-    let events = json(&bench, "events.json");
-    let events = events.as_array().unwrap();
-    assert_eq!(events[0]["event"], "watching", "{events:?}");
+    let events = watched(&bench);
     assert!(
         events.iter().all(|event| event["event"] != "gap"),
         "{events:?}"

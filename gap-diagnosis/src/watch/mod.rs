@@ -3,8 +3,8 @@
 //! Each joint learns from its first window what it is like ([`Baseline`]: known values refitted, what is already there named
 //! and taken as given). Then every half second is simulated and its residual watched for growth ([`Detector`]). Only when that
 //! fires, the samples since the gap appeared are diagnosed, first after 4 s ([`LOOKS_S`]) and again with more of them: if they
-//! show nothing beyond noise and tolerance, or nothing that could not have been there before, it was none; that nothing explains it is only said at the last look. Afterwards the
-//! joint learns anew, gap included.
+//! show nothing beyond noise and tolerance, or nothing that could not have been there before, it was none; that nothing explains
+//! it is only said at the last look. Afterwards the joint learns anew, gap included.
 
 mod baseline;
 mod detector;
@@ -415,14 +415,15 @@ impl Suspecting {
     }
 
     /// Whether what the joint is like now cannot be what it was like before: that it was learnt from too little, or shows now
-    /// what it had no occasion to show, is no change.
+    /// what it had no occasion to show, is no change. What cannot be simulated as unchanged has changed.
     fn has_changed(&self, seen: &Seen<'_>, since: &Recording) -> Result<bool, DiagnoseError> {
         let mut rows = self.baseline.unchanged(seen.robot, since)?;
         rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let mut detector = self.calm.clone();
         let hops = rows.chunk_by(|a, b| (a[0] / HOP_S).floor() == (b[0] / HOP_S).floor());
         let mut squares = hops.filter_map(mean_square);
-        Ok(squares.any(|square| detector.add(square)))
+        let has_grown = squares.any(|square| !square.is_finite() || detector.add(square));
+        Ok(rows.is_empty() || has_grown)
     }
 }
 
