@@ -300,6 +300,45 @@ fn lost_motion_is_no_gear_ratio() {
 }
 
 #[test]
+fn a_joint_that_lags_behind_its_reference_is_no_gear_ratio() {
+    let (_, ratio, _) = JOINTS[1];
+    let alone = |moved: &dyn Fn(&[f64]) -> Vec<f64>| {
+        let mut recording = whole();
+        let signals = &mut recording.joints[1].signals;
+        for signal in [
+            Signal::LinkPositionRad,
+            Signal::LinkVelocityRadS,
+            Signal::MotorVelocityRadS,
+        ] {
+            signals.remove(&signal);
+        }
+        let position_rad = moved(&signals[&Signal::ReferencePositionRad]);
+        let steps = position_rad
+            .iter()
+            .map(|q| (ratio * q / MOTOR_STEP_RAD).round() * MOTOR_STEP_RAD);
+        *column(&mut recording, 1, Signal::MotorPositionRad) = steps.collect();
+        let findings = serious(check(&recording, Some(&robot())));
+        let is_ratio = |finding: &Finding| finding.kind == FindingKind::WrongGearRatio;
+        findings.iter().any(is_ratio)
+    };
+    let largest = |of: &[f64]| of.iter().fold(0.0_f64, |most, q| most.max(q.abs()));
+    // friction holds the joint until the reference is far enough away
+    let held = |reference_rad: &[f64]| {
+        let gap_rad = 0.43 * largest(reference_rad);
+        let mut behind_rad = reference_rad[0];
+        let follow = |q: &f64| {
+            behind_rad = behind_rad.clamp(q - gap_rad, q + gap_rad);
+            behind_rad
+        };
+        reference_rad.iter().map(follow).collect()
+    };
+    assert!(!alone(&held));
+    // one that moves as far and follows at once has another gear
+    let other = |reference_rad: &[f64]| reference_rad.iter().map(|q| 0.4 * q).collect();
+    assert!(alone(&other));
+}
+
+#[test]
 fn a_soft_gears_windup_is_no_gear_ratio() {
     let (_, ratio, _) = JOINTS[1];
     let mut recording = whole();

@@ -11,6 +11,9 @@ use std::ops::Range;
 pub(super) const SAME: f64 = 0.95;
 /// A joint moves this part of what its reference does, where it hardly follows.
 const BARELY_FOLLOWS: Range<f64> = 0.02..0.6;
+/// A wrong factor keeps two positions on a straight line. Lost motion or a joint that lags behind its reference does not: what
+/// they change scatters by more than this part of what it tilts.
+const STRAIGHT: f64 = 0.5;
 /// Time over which a velocity is taken from positions.
 const BLOCK_S: f64 = 0.1;
 const BLOCK_ROWS: usize = 5;
@@ -46,12 +49,7 @@ impl Scales {
     ) -> Self {
         let between = |x: Signal, y: Signal| slope(values(joint, x)?, values(joint, y)?, SAME);
         let measured_ratio = between(Signal::LinkPositionRad, Signal::MotorPositionRad);
-        let encoders = [Signal::LinkPositionRad, Signal::MotorPositionRad];
-        let [link_rad, motor_rad] = encoders.map(|signal| values(joint, signal));
-        let ratio_scatter = link_rad
-            .zip(motor_rad)
-            .and_then(|(link_rad, motor_rad)| line(link_rad, motor_rad))
-            .map_or(1.0, |line| (1.0 - line.correlation.powi(2)).max(0.0).sqrt());
+        let ratio_scatter = scatter(joint, Signal::LinkPositionRad, Signal::MotorPositionRad);
         let gear_ratio = robot.map(|robot| robot.gear_ratio).or(measured_ratio);
         let positions = wrong_positions(
             gear_ratio,
@@ -70,9 +68,15 @@ impl Scales {
                 && wrong.meaning.kind == FindingKind::WrongUnit
                 && robot.is_some_and(|robot| has_its_step(robot, joint, wrong.signal))
         };
+        let lags = |wrong: &Wrong| {
+            wrong.meaning.kind == FindingKind::WrongScale
+                && wrong.against == Signal::ReferencePositionRad
+                && scatter(joint, wrong.against, wrong.signal)
+                    > STRAIGHT * (wrong.measured - 1.0).abs()
+        };
         let positions = positions
             .into_iter()
-            .filter(|wrong| !is_in_its_unit(wrong))
+            .filter(|wrong| !is_in_its_unit(wrong) && !lags(wrong))
             .collect();
         let mut scales = Self {
             gear_ratio,
@@ -139,6 +143,13 @@ impl Scales {
 pub(super) fn slope(x: &[f64], y: &[f64], correlation_min: f64) -> Option<f64> {
     let line = line(x, y)?;
     (line.correlation.abs() > correlation_min).then_some(line.slope)
+}
+
+/// How far two signals are from a straight line, root mean square, as a part of their range.
+fn scatter(joint: &JointColumns, x: Signal, y: Signal) -> f64 {
+    let both = values(joint, x).zip(values(joint, y));
+    both.and_then(|(x, y)| line(x, y))
+        .map_or(1.0, |line| (1.0 - line.correlation.powi(2)).max(0.0).sqrt())
 }
 
 fn is_off(factor: f64) -> bool {
@@ -275,9 +286,6 @@ fn gear_ratio(joint: &JointColumns, robot: Option<&CheckJoint>, seen: &Scales) -
     const RATIO_OFF: f64 = 0.01;
     /// So many times softer than its file says a gear may be.
     const SOFTER: f64 = 3.0;
-    /// Lost motion changes the ratio of a short swing by more, but not along a straight line: it scatters about as much as it
-    /// tilts.
-    const STRAIGHT: f64 = 0.5;
     let measured = seen.measured_ratio?;
     let Some(robot) = robot else {
         let reversed = (measured < 0.0).then(|| {

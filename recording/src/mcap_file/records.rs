@@ -294,7 +294,7 @@ mod tests {
         assert!(parsed(op::METADATA, &metadata(3, map(whole))).is_ok());
         for said in [4_u32, 200, u32::MAX] {
             assert!(parsed(op::METADATA, &metadata(said, map(whole))).is_err());
-            assert!(parsed(op::METADATA, &metadata(3, map(whole + said))).is_err());
+            assert!(parsed(op::METADATA, &metadata(3, map(whole.saturating_add(said)))).is_err());
         }
         let inner = text(whole, &[text(u32::MAX, b"a"), text(2, b"bc")].concat());
         assert!(parsed(op::METADATA, &metadata(3, inner)).is_err());
