@@ -233,11 +233,20 @@ impl Growing<'_, '_> {
                 shrink < WORSE_ALONE
             })
             .collect();
-        if is_worse.iter().filter(|is_worse| **is_worse).count() < 2 {
+        let is_of_series = |term: usize| {
+            let mut others = (0..is_worse.len()).filter(|other| *other != term && is_worse[*other]);
+            let hypothesis = |term: usize| &model.terms[term].hypothesis;
+            is_worse[term]
+                && others.any(|other| hypothesis(term).is_in_series_with(hypothesis(other)))
+        };
+        let series: Vec<usize> = (0..is_worse.len())
+            .filter(|term| is_of_series(*term))
+            .collect();
+        if series.is_empty() {
             return Ok(false);
         }
         let mut rest = model.clone();
-        for term in (0..is_worse.len()).rev().filter(|term| is_worse[*term]) {
+        for term in series.into_iter().rev() {
             rest.terms.remove(term);
             self.added.remove(term);
         }

@@ -269,6 +269,54 @@ impl Hypothesis {
         )
     }
 
+    /// Whether the angle is the motor's.
+    pub fn repeats_with_motor(&self) -> bool {
+        self.is_periodic() && self.form != Form::LinkEccentricity
+    }
+
+    /// Whether both are terms of a series in one variable: velocity, position, the motion's derivatives, the gear's twist or an
+    /// angle. Two that add up to something small may stand for a law of that variable that is no term of the series.
+    pub fn is_in_series_with(&self, other: &Self) -> bool {
+        let of: &[&[Form]] = &[
+            &[
+                Form::Coulomb,
+                Form::Viscous,
+                Form::Quadratic,
+                Form::Stribeck,
+            ],
+            &[
+                Form::Offset,
+                Form::Asymmetric,
+                Form::Payload,
+                Form::Gravity,
+                Form::Spring,
+                Form::Tilt,
+                Form::EncoderOffset,
+            ],
+            &[
+                Form::Viscous,
+                Form::LinkInertia,
+                Form::RotorInertia,
+                Form::Payload,
+                Form::Lag,
+                Form::CommandDelay,
+                Form::SensorDelay,
+                Form::Compliance,
+            ],
+            &[
+                Form::Compliance,
+                Form::Windup,
+                Form::Hysteresis,
+                Form::StructuralDamping,
+                Form::Backlash,
+            ],
+        ];
+        self.is_periodic() && other.is_periodic()
+            || of
+                .iter()
+                .any(|forms| forms.contains(&self.form) && forms.contains(&other.form))
+    }
+
     /// Whether its torque follows load, direction or time, and changes with nothing quicker.
     pub fn is_slow(&self) -> bool {
         matches!(

@@ -238,7 +238,7 @@ impl Search<'_> {
             known,
             hypotheses: self.columns(&base, &model, self.hypotheses.clone())?,
         };
-        let periodic = self.periodic_hypotheses(&linear);
+        let periodic = self.periodic_hypotheses(&model, &linear);
         linear
             .hypotheses
             .extend(self.columns(&base, &model, periodic)?);
@@ -257,7 +257,7 @@ impl Search<'_> {
         let base = self.twin.coarsely(&model.changes(&self.scale))?;
         let mut linear = before.linear.clone();
         linear.residual_nm = self.residual_nm(&model)?;
-        let periodic = self.periodic_hypotheses(&linear);
+        let periodic = self.periodic_hypotheses(&model, &linear);
         linear
             .hypotheses
             .extend(self.columns(&base, &model, periodic)?);

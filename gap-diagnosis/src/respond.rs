@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::hypothesis::{Hypothesis, periodic};
 use crate::observe::Channel;
 use crate::search::{Model, Search, difference};
-use crate::spectrum::{Beside, most_seen, peaks};
+use crate::spectrum::{Beside, below, most_seen, peaks};
 use crate::twin::{Changes, Row};
 
 /// Peaks over the motor angle that are tried.
@@ -100,8 +100,8 @@ impl Search<'_> {
             .collect()
     }
 
-    /// Periodic effects at the cycles at which a residual repeats, over what known values leave.
-    pub(crate) fn periodic_hypotheses(&self, linear: &Linear) -> Vec<Hypothesis> {
+    /// Periodic effects at the cycles at which a residual repeats, over what known values leave beside a model.
+    pub(crate) fn periodic_hypotheses(&self, model: &Model, linear: &Linear) -> Vec<Hypothesis> {
         let mut cycles: Vec<f64> = linear
             .hypotheses
             .iter()
@@ -117,6 +117,13 @@ impl Search<'_> {
             .collect();
         let target = self.whitener.apply(&linear.residual_nm);
         let beside = Beside::new(&known, &target);
+        let named = model.terms.iter().map(|term| &term.hypothesis);
+        let named = named.filter(|hypothesis| hypothesis.repeats_with_motor());
+        for found in below(named.map(|of| of.shape[0]), self.scale.motor_turns) {
+            if !cycles.contains(&found) {
+                cycles.push(found);
+            }
+        }
         let most = most_seen(rows, self.scale.gear_ratio, 1.0 / self.scale.period_s);
         for channel in [Channel::Motor, Channel::Torsion] {
             let (whitener, places) = self.whitener.only(rows, channel);

@@ -11,6 +11,8 @@ use crate::twin::Row;
 const CYCLES: [f64; 2] = [0.5, 24.0];
 /// Periods of the slowest one within the recorded range: fewer are a shape over position that anything may have.
 const PERIODS_MIN: f64 = 4.0;
+/// The same where a multiple of it is known to repeat: what comes twice a turn mostly comes once too.
+const PERIODS_MIN_BELOW: f64 = 2.0;
 /// Steps between two numbers of cycles that the range can tell apart.
 const OVERSAMPLING: f64 = 3.0;
 /// Of the fastest speed; slower is as good as standing.
@@ -105,6 +107,18 @@ pub fn peaks(rows: &[&Row], most: f64, gain: impl Fn(f64) -> f64 + Sync, count: 
         .collect()
 }
 
+/// Cycles per motor turn that are too few for [`peaks`] and worth a look, because these many are known to repeat: whole
+/// parts of a whole number.
+pub fn below(known: impl IntoIterator<Item = f64>, turns: f64) -> Vec<f64> {
+    let range = PERIODS_MIN_BELOW / turns..PERIODS_MIN / turns;
+    let mut found = Vec::new();
+    for cycles in known.into_iter().filter(|cycles| cycles.fract() == 0.0) {
+        let parts = (2..=cycles as u32).map(|divisor| cycles / f64::from(divisor));
+        found.extend(parts.filter(|part| part.fract() == 0.0 && range.contains(part)));
+    }
+    found
+}
+
 /// Cycles per motor turn of which samples at this rate see two a cycle or more, at the speed of half of the rows that move.
 pub fn most_seen(rows: &[Row], gear_ratio: f64, rate_hz: f64) -> f64 {
     let mut turns_s: Vec<f64> = rows
@@ -131,6 +145,17 @@ fn settled(cycles: f64, turns: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_comes_twice_a_turn_is_looked_for_once_a_turn_too() {
+        // three periods are too few for a peak
+        assert_eq!(below([2.0], 3.0), [1.0]);
+        assert_eq!(below([6.0], 1.5), [2.0]);
+        // one is a shape that anything may have, and five are found anyway
+        assert!(below([2.0], 1.0).is_empty());
+        assert!(below([2.0], 5.0).is_empty());
+        assert!(below([1.0, 2.3], 3.0).is_empty());
+    }
 
     #[test]
     fn a_ripple_is_found_at_its_cycles_whatever_the_speed() {
