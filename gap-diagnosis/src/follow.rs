@@ -165,18 +165,21 @@ impl Response {
         best
     }
 
-    /// By how much each of the last commands counts in the torque, newest first, if the current loop is not slow: as the
-    /// samples have it, and as they would have it if none were late beyond what the controller has; and what the former leaves of
-    /// one reading.
-    pub(crate) fn of_fast_loop(&self, delay_cycles: usize) -> ([Vec<f64>; 2], f64) {
-        let (follow, left) = self.best(&delays(), &FAST_LAGS_S);
-        let told = Follow {
-            delay: told_delay(delay_cycles),
-            lag_s: 0.0,
-        };
-        let weights = [follow, told].map(|follow| self.taps(follow).iter().copied().collect());
-        // of steps, so of two readings' noise
-        (weights, (left / self.rows / 2.0).sqrt())
+    /// By how much each of the last commands counts in the torque, newest first, with the delay and lag that fit best.
+    pub(crate) fn weights(&self) -> Vec<f64> {
+        let (follow, _) = self.best(&delays(), &[&FAST_LAGS_S[..], &slow_lags_s()].concat());
+        self.taps(follow).iter().copied().collect()
+    }
+
+    /// The same after so many samples, with a current loop that is not slow.
+    pub(crate) fn weights_after(&self, samples: usize) -> Vec<f64> {
+        let (follow, _) = self.best(&[samples as f64], &FAST_LAGS_S);
+        self.taps(follow).iter().copied().collect()
+    }
+
+    /// Samples after which the torque answers, if the current loop is not slow.
+    pub(crate) fn fast_delay(&self) -> f64 {
+        self.best(&delays(), &FAST_LAGS_S).0.delay
     }
 }
 
@@ -186,7 +189,7 @@ pub(crate) fn told_delay(delay_cycles: usize) -> f64 {
 }
 
 /// The largest torque but for a few samples and a margin: commands up to it were not cut off.
-fn reached_nm(torque_nm: &[f64]) -> f64 {
+pub(crate) fn reached_nm(torque_nm: &[f64]) -> f64 {
     let mut sizes: Vec<f64> = torque_nm.iter().map(|torque_nm| torque_nm.abs()).collect();
     sizes.retain(|size| size.is_finite());
     sizes.sort_by(f64::total_cmp);
@@ -205,9 +208,7 @@ pub(crate) fn pairs(columns: &[JointColumns]) -> impl Iterator<Item = (&Vec<f64>
 
 /// By how much each of the last commands counts in the drive's torque, newest first; none where too few rows tell.
 pub(crate) fn weights_of_commands(columns: &[JointColumns], period_s: f64) -> Option<Vec<f64>> {
-    let response = Response::of_steps(columns, period_s)?;
-    let (follow, _) = response.best(&delays(), &[&FAST_LAGS_S[..], &slow_lags_s()].concat());
-    Some(response.taps(follow).iter().copied().collect())
+    Response::of_steps(columns, period_s).map(|response| response.weights())
 }
 
 /// Samples after which a joint's torque answers its command; none where it does not tell, or no better than an answer after as

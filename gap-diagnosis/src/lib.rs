@@ -19,6 +19,7 @@ pub mod judge;
 pub mod known;
 mod links;
 pub mod load;
+mod lost;
 pub mod mend;
 pub mod observe;
 pub mod oracle;

@@ -1,6 +1,8 @@
 //! What was found in the samples is taken out before anything is fitted: rows that were not measured anew are no
-//! measurement, and an encoder's steps are those it has. A torque that was not measured anew is known from its command: a
-//! controller that saw the joint stand still and then leap kicks it, and those kicks lie in and beside the lost rows. What the file itself tells of the whole arm is put into its links.
+//! measurement, an encoder's steps are those it has, and a command that the drive left out is the one that it acted on
+//! instead. A torque that was not measured anew is known from its command: a controller that saw the joint stand still and
+//! then leap kicks it, and those kicks lie in and beside the lost rows. What the file itself tells of the whole arm is put
+//! into its links.
 
 use std::ops::Range;
 
@@ -9,6 +11,7 @@ use robot::{Effect, EncoderSide, Robot};
 
 use crate::follow::weights_of_commands;
 use crate::found::Found;
+use crate::lost::acted_on;
 use crate::runs;
 use crate::timing::Timing;
 
@@ -28,16 +31,13 @@ pub(crate) fn recordings(
     found: &[Vec<Found>],
     timing: &Timing,
 ) -> Option<Vec<Recording>> {
-    let lost: Vec<&str> = robot
-        .joints
-        .iter()
-        .zip(found)
-        .filter(|(_, found)| {
-            let mut effects = found.iter().map(|found| &found.effect);
-            effects.any(|effect| matches!(effect, Effect::DroppedSamples { .. }))
-        })
-        .map(|(joint, _)| joint.name.as_str())
-        .collect();
+    let with = |is_such: fn(&Effect) -> bool| -> Vec<&str> {
+        let joints = robot.joints.iter().zip(found);
+        let such = joints.filter(|(_, found)| found.iter().any(|found| is_such(&found.effect)));
+        such.map(|(joint, _)| joint.name.as_str()).collect()
+    };
+    let lost = with(|effect| matches!(effect, Effect::DroppedSamples { .. }));
+    let left_out = with(|effect| matches!(effect, Effect::DroppedCommands { .. }));
     let early: Vec<(&str, usize)> = robot
         .joints
         .iter()
@@ -45,24 +45,44 @@ pub(crate) fn recordings(
         .filter(|(_, rows)| **rows > 0)
         .map(|(joint, rows)| (joint.name.as_str(), *rows))
         .collect();
-    if lost.is_empty() && early.is_empty() {
+    if lost.is_empty() && left_out.is_empty() && early.is_empty() {
         return None;
     }
     let mended = tables.iter().map(|table| {
         let mut mended = (*table).clone();
         let runs = runs::rows(table);
+        let period_s = 1.0 / table.sample_rate_hz;
         for joint in &mut mended.joints {
             if lost.contains(&joint.name.as_str()) {
                 blank_repeats(joint);
-                torque_from_commands(joint, &runs, 1.0 / table.sample_rate_hz);
+                torque_from_commands(joint, &runs, period_s);
             }
             if let Some((_, rows)) = early.iter().find(|(name, _)| *name == joint.name) {
                 put_later(joint, &runs, *rows);
+            }
+            if left_out.contains(&joint.name.as_str()) {
+                put_acted_on(joint, &runs, period_s, timing);
             }
         }
         mended
     });
     Some(mended.collect())
+}
+
+/// Puts what the drive acted on in the place of commands that it left out.
+fn put_acted_on(joint: &mut JointColumns, runs: &[Range<usize>], period_s: f64, timing: &Timing) {
+    let pieces: Vec<JointColumns> = runs
+        .iter()
+        .map(|run| runs::cut(joint, run.clone()))
+        .collect();
+    let acted_on = acted_on(&pieces, period_s, timing.told_rows());
+    let command_nm = joint.signals.get_mut(&Signal::CommandTorqueNm);
+    let (Some(acted_on), Some(command_nm)) = (acted_on, command_nm) else {
+        return;
+    };
+    for (run, acted_nm) in runs.iter().zip(acted_on) {
+        command_nm[run.clone()].copy_from_slice(&acted_nm);
+    }
 }
 
 /// Puts the torque so many rows later, in every run; what comes before it in a run was not measured.

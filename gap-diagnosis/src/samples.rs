@@ -5,8 +5,9 @@ use recording::{JointColumns, Recording, Signal};
 use robot::{Control, Effect, EncoderSide, RobotJoint};
 
 use crate::control::is_slower_than_loop;
-use crate::follow::{Response, pairs, slow_drive};
+use crate::follow::slow_drive;
 use crate::found::{Found, ROWS_MIN};
+use crate::lost::{LeftOut, left_out};
 use crate::timing::{Timing, columns};
 
 /// A position that stays although the joint should have moved by so many steps of its encoder was not measured.
@@ -19,12 +20,6 @@ const COARSER: f64 = 1.4;
 const LAG_MIN_S: f64 = 6e-4;
 /// The same, of the lag of a told filter and a backward difference.
 const USUAL_LAG: f64 = 1.3;
-/// A step of the command stands out if it is so many times the noise.
-const SURE_STEP: f64 = 8.0;
-/// What is nearer to nothing, or to a whole step, than this part of it, is that.
-const NEAR_STEP: f64 = 0.25;
-/// A drive that leaves out commands either follows a step or does not: most of the time.
-const EITHER: f64 = 0.8;
 /// Standard errors that a finding is away from nothing.
 const SURE: f64 = 5.0;
 
@@ -46,14 +41,17 @@ pub(crate) fn find(recordings: &[&Recording], joint: &RobotJoint, timing: &Timin
         Some(_) => (None, Vec::new()),
         None if lacks_commands => (None, Vec::new()),
         None => {
-            let left_out = lost_commands(&columns, period_s, delay_cycles);
-            let told = timing.is_told.then_some(delay_cycles);
-            let mut slow = slow_drive(&columns, period_s, told);
-            // commands that are left out come later, as from a slow loop
-            slow.retain(|found| {
-                left_out.is_none() || !matches!(found.effect, Effect::CurrentLoopLag { .. })
-            });
-            (left_out, slow)
+            let told_rows = timing.told_rows();
+            let left_out = left_out(&columns, period_s, told_rows);
+            let slow = match left_out {
+                // commands that are left out come later, as from a slow loop
+                Some(left_out) => late(&left_out, told_rows, period_s)
+                    .filter(|_| timing.is_told)
+                    .into_iter()
+                    .collect(),
+                None => slow_drive(&columns, period_s, timing.is_told.then_some(delay_cycles)),
+            };
+            (left_out.map(lost_commands), slow)
         }
     };
     let found = [
@@ -131,61 +129,39 @@ fn lost_samples(columns: &[JointColumns], joint: &RobotJoint) -> Option<Found> {
     })
 }
 
-/// Rows in which the drive's torque stayed with the command before.
-fn lost_commands(columns: &[JointColumns], period_s: f64, delay_cycles: usize) -> Option<Found> {
-    let response = Response::of_steps(columns, period_s)?;
-    // a delay between two samples spreads each step over both; many lost commands look like a delay
-    let (weights, left_nm) = response.of_fast_loop(delay_cycles);
-    let mut weights = weights.iter();
-    weights.find_map(|weights| lost_beside(columns, weights, left_nm))
-}
-
-/// The same, if the torque is made of the last commands like this, newest first.
-fn lost_beside(columns: &[JointColumns], weights: &[f64], left_nm: f64) -> Option<Found> {
-    let (mut lost, mut followed, mut of) = (0, 0, 0);
-    let digit_nm = step_of(columns, Signal::MotorTorqueNm).unwrap_or(0.0);
-    // lost commands are no noise, nor are steps of the command
-    let noise_nm = reading_noise_nm(columns).min(left_nm);
-    let sure_nm = SURE_STEP * noise_nm.max(digit_nm);
-    for (torque_nm, command_nm) in pairs(columns) {
-        let answer_nm = |k: usize| -> f64 {
-            let past = command_nm[..=k].iter().rev();
-            weights.iter().zip(past).map(|(w, u)| w * u).sum()
-        };
-        for k in weights.len()..torque_nm.len() {
-            let expected_nm = answer_nm(k - 1);
-            let step_nm = answer_nm(k) - expected_nm;
-            let given_nm = torque_nm[k] - torque_nm[k - 1];
-            let before_nm = torque_nm[k - 1] - expected_nm;
-            let stands_out = step_nm.abs() > sure_nm;
-            // the torque was where it should be
-            if !stands_out || !given_nm.is_finite() || (before_nm / step_nm).abs() >= NEAR_STEP {
-                continue;
-            }
-            of += 1;
-            lost += usize::from((given_nm / step_nm).abs() < NEAR_STEP);
-            followed += usize::from((given_nm / step_nm - 1.0).abs() < NEAR_STEP + NEAR_STEP);
-        }
-    }
-    if ((lost + followed) as f64) < EITHER * of as f64 {
-        // a slow drive goes a part of every step
-        return None;
-    }
-    let (part, std) = fraction(lost, of)?;
-    Some(Found {
-        effect: Effect::DroppedCommands { fraction: part },
+/// Commands that the drive left out.
+fn lost_commands(left_out: LeftOut) -> Found {
+    let LeftOut {
+        fraction,
         std,
-        because: format!("{lost} of {of} steps of the command were left out by the drive"),
-    })
+        nats,
+        ..
+    } = left_out;
+    Found {
+        effect: Effect::DroppedCommands { fraction },
+        std,
+        because: format!(
+            "the drive left out {:.1} % of its commands, which explains its torque by {nats:.0} nats better than any delay and lag",
+            100.0 * fraction
+        ),
+    }
 }
 
-/// Noise of one reading, from the smaller ones of its steps: those in which nothing else happened.
-fn reading_noise_nm(columns: &[JointColumns]) -> f64 {
-    let mut steps = steps(columns, Signal::MotorTorqueNm);
-    steps.sort_by(f64::total_cmp);
-    // a fifth of normal values are within a quarter of their deviation; a step has two readings
-    let fifth_nm = steps.get(steps.len() / 5).copied().unwrap_or(0.0);
-    fifth_nm / 0.2533 / 2.0_f64.sqrt()
+/// Those that it did not leave out, if they come later than the controller's delay lets them.
+fn late(left_out: &LeftOut, told_rows: usize, period_s: f64) -> Option<Found> {
+    let late_rows = left_out
+        .delay_rows
+        .checked_sub(told_rows)
+        .filter(|rows| *rows > 0)?;
+    let delay_s = late_rows as f64 * period_s;
+    Some(Found {
+        effect: Effect::CommandDelay { delay_s },
+        std: 0.1 * period_s,
+        because: format!(
+            "commands that the drive took act {:.2} ms later than the controller's delay",
+            1e3 * delay_s
+        ),
+    })
 }
 
 /// Sizes of a signal's steps from row to row.
@@ -399,45 +375,6 @@ mod tests {
             .map(|rows| crate::runs::cut(&joint, rows))
             .into();
         assert_eq!(slow_drive(&runs, 1e-3, Some(0)), []);
-        assert_eq!(lost_commands(&runs, 1e-3, 0), None);
-    }
-
-    /// A drive that follows a command a sample later, but for those it loses.
-    fn losing(command: Vec<f64>, is_lost: impl Fn(usize) -> bool) -> JointColumns {
-        let mut torque = vec![0.0; command.len()];
-        for k in 1..command.len() {
-            torque[k] = if is_lost(k) {
-                torque[k - 1]
-            } else {
-                command[k - 1]
-            };
-        }
-        columns(vec![
-            (Signal::CommandTorqueNm, command),
-            (Signal::MotorTorqueNm, torque),
-        ])
-    }
-
-    #[test]
-    fn steps_that_the_drive_left_out_are_counted() {
-        let joint = losing(command(), |k| k % 50 == 7);
-        let found = lost_commands(&[joint], 1e-3, 0).unwrap();
-        let Effect::DroppedCommands { fraction } = found.effect else {
-            panic!("{found:?}");
-        };
-        assert!((fraction - 0.02).abs() < 0.01, "{fraction}");
-    }
-
-    #[test]
-    fn a_drive_that_leaves_out_half_of_its_commands_is_not_slow() {
-        let command = command();
-        // digits that have nothing to do with the command's steps
-        let digits: Vec<f64> = command.iter().map(|u| (u * 1e6).abs().fract()).collect();
-        let joint = losing(command, |k| digits[(k * 7 + 5) % 20_000] < 0.5);
-        let found = lost_commands(&[joint], 1e-3, 0).unwrap();
-        let Effect::DroppedCommands { fraction } = found.effect else {
-            panic!("{found:?}");
-        };
-        assert!((fraction - 0.5).abs() < 0.05, "{fraction}");
+        assert_eq!(left_out(&runs, 1e-3, 1), None);
     }
 }

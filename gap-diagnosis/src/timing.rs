@@ -62,6 +62,12 @@ impl Timing {
         }
         timing
     }
+
+    /// Rows from a command to the torque that is measured of it.
+    pub fn told_rows(&self) -> usize {
+        let control = self.control.as_ref();
+        told_delay(control.map_or(1, |control| control.delay_cycles as usize)) as usize
+    }
 }
 
 /// A joint's signals in all recordings, run by run.
