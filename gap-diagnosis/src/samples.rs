@@ -16,6 +16,8 @@ const STEPS_MOVED: f64 = 3.0;
 const LOST_MIN: f64 = 0.002;
 /// A step coarser than the file's by this factor is another encoder.
 const COARSER: f64 = 1.4;
+/// Of a step, by which a whole number of them may be off.
+const WHOLE: f64 = 0.05;
 /// A velocity that lags its own position by less is filtered as it should be.
 const LAG_MIN_S: f64 = 6e-4;
 /// The same, of the lag of a told filter and a backward difference.
@@ -186,17 +188,19 @@ fn step_of(columns: &[JointColumns], signal: Signal) -> Option<f64> {
         .iter()
         .position(|step| *step > 1e-12)
         .map(|k| k + steps.len() / 500)?;
-    let step = *steps.get(first)?;
-    let whole = steps[first..]
-        .iter()
-        .take(2000)
-        .filter(|other| {
-            let times = *other / step;
-            (times - times.round()).abs() < 0.05
-        })
-        .count();
-    let looked_at = steps.len().saturating_sub(first).min(2000);
-    (whole * 10 > looked_at * 9).then_some(step)
+    let mut step = *steps.get(first)?;
+    // the digits of one step are few, those of many together are many
+    let (mut whole, mut product, mut square) = (0, 0.0, 0.0);
+    for other in &steps[first..] {
+        let times = (other / step).round();
+        if (other / step - times).abs() < WHOLE {
+            whole += 1;
+            product += times * other;
+            square += times * times;
+            step = product / square;
+        }
+    }
+    (whole * 10 > (steps.len() - first) * 9).then_some(step)
 }
 
 fn coarse_encoder(
@@ -327,6 +331,35 @@ mod tests {
             (0..20_000).map(wave).collect(),
         )]);
         assert_eq!(step_of(&[smooth], Signal::MotorPositionRad), None);
+    }
+
+    #[test]
+    fn speeds_of_an_even_number_of_steps_make_no_coarser_encoder() {
+        // at rest, a few slow steps, and most of the time 72 or 73 of them a row
+        let mut position = 0.0;
+        let steps = (0..5000_usize).map(|k| match k {
+            0..9 => 1.0,
+            9..46 => 2.0,
+            _ if k % 5 < 3 => 72.0,
+            _ => 73.0,
+        });
+        let moved = steps.map(|steps| {
+            position += 6e-6 * steps;
+            position
+        });
+        let joint = columns(vec![(Signal::LinkPositionRad, moved.collect())]);
+        let step = step_of(&[joint], Signal::LinkPositionRad);
+        assert!(step.is_none_or(|step| step < 7e-6), "{step:?}");
+        // an encoder as coarse as that, printed with so few digits that one step is known to a hundredth only
+        let mut counts = 0;
+        let printed = (0..5000_u32).map(|k| {
+            counts += k * k % 41;
+            1e-7 * (122.4 * f64::from(counts)).round()
+        });
+        let printed = printed.collect();
+        let joint = columns(vec![(Signal::LinkPositionRad, printed)]);
+        let step = step_of(&[joint], Signal::LinkPositionRad).unwrap();
+        assert!((step / 12.24e-6 - 1.0).abs() < 0.001, "{step:?}");
     }
 
     #[test]
