@@ -97,6 +97,14 @@ impl Response {
         Some(response)
     }
 
+    /// Over every span that is looked at, the shortest first.
+    pub(crate) fn all(columns: &[JointColumns], period_s: f64) -> Vec<Self> {
+        let spans = SPANS.iter();
+        spans
+            .filter_map(|span| Self::over(*span, columns, period_s))
+            .collect()
+    }
+
     /// From one sample to the next.
     pub(crate) fn of_steps(columns: &[JointColumns], period_s: f64) -> Option<Self> {
         Self::over(1, columns, period_s)
@@ -250,9 +258,7 @@ pub(crate) fn slow_drive(
     period_s: f64,
     delay_cycles: Option<usize>,
 ) -> Vec<Found> {
-    let mut responses = SPANS
-        .iter()
-        .filter_map(|span| Response::over(*span, columns, period_s));
+    let mut responses = Response::all(columns, period_s).into_iter();
     let found = responses.find_map(|response| {
         let found = response.slow(delay_cycles);
         (!found.is_empty()).then_some(found)
