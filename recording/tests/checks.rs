@@ -264,6 +264,24 @@ fn angles_all_in_degrees_are_told_by_the_robot_file() {
 }
 
 #[test]
+fn encoders_that_agree_in_degrees_are_wrong_and_not_their_reference() {
+    let degrees = 180.0 / std::f64::consts::PI;
+    let wrong = |signals: &[Signal]| -> Vec<Option<Signal>> {
+        let mut recording = whole();
+        for signal in signals {
+            scale(&mut recording, 1, *signal, degrees);
+        }
+        let findings = check(&recording, Some(&robot())).into_iter();
+        let units = findings.filter(|finding| finding.kind == FindingKind::WrongUnit);
+        units.map(|finding| finding.signal).collect()
+    };
+    let encoders = [Signal::LinkPositionRad, Signal::MotorPositionRad];
+    assert!(wrong(&encoders).starts_with(&encoders.map(Some)));
+    let reference = [Signal::ReferencePositionRad];
+    assert_eq!(wrong(&reference)[..1], reference.map(Some));
+}
+
+#[test]
 fn a_gear_ratio_off_is_an_error_with_both_numbers() {
     for factor in [1.02, 0.5, 1.6] {
         let mut robot = robot();

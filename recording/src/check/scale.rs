@@ -1,6 +1,6 @@
 //! Factors between signals that tell the same thing: wrong units, signs, gear sides and gear ratios.
 
-use super::meaning::{MEASURED, Meaning, TRACKED};
+use super::meaning::{DEGREES, MEASURED, Meaning, TRACKED};
 use super::robot::has_its_step;
 use super::{CheckJoint, Finding, FindingKind, mapping_line, torque, values};
 use crate::statistics::line;
@@ -185,7 +185,11 @@ fn wrong_positions(
         away(link_over_reference),
         away(motor_over_reference),
     ) {
-        (_, Some(link), Some(motor)) if (link / motor - 1.0).abs() < 2.0 * MEASURED => {
+        // two that agree are right, unless they are too large by what an angle in degrees is: all three are to be radians
+        (_, Some(link), Some(motor))
+            if (link / motor - 1.0).abs() < 2.0 * MEASURED
+                && (link / DEGREES).abs().ln().abs() > TRACKED =>
+        {
             wrong(ReferencePositionRad, 1.0 / link, LinkPositionRad)
         }
         (_, Some(link), None) => wrong(LinkPositionRad, link, ReferencePositionRad),
