@@ -71,10 +71,7 @@ pub(crate) fn recordings(
 
 /// Puts what the drive acted on in the place of commands that it left out.
 fn put_acted_on(joint: &mut JointColumns, runs: &[Range<usize>], period_s: f64, timing: &Timing) {
-    let pieces: Vec<JointColumns> = runs
-        .iter()
-        .map(|run| runs::cut(joint, run.clone()))
-        .collect();
+    let pieces = runs::pieces(joint, runs);
     let acted_on = acted_on(&pieces, period_s, timing.told_rows());
     let command_nm = joint.signals.get_mut(&Signal::CommandTorqueNm);
     let (Some(acted_on), Some(command_nm)) = (acted_on, command_nm) else {
@@ -120,10 +117,7 @@ fn blank_repeats(joint: &mut JointColumns) {
 /// Puts the drive's answer to its commands where the torque was not measured anew, with what the torque has beyond that
 /// before and after.
 fn torque_from_commands(joint: &mut JointColumns, runs: &[Range<usize>], period_s: f64) {
-    let pieces: Vec<JointColumns> = runs
-        .iter()
-        .map(|run| runs::cut(joint, run.clone()))
-        .collect();
+    let pieces = runs::pieces(joint, runs);
     let weights = weights_of_commands(&pieces, period_s);
     let command_nm = joint.signals.get(&Signal::CommandTorqueNm).cloned();
     let torque_nm = joint.signals.get_mut(&Signal::MotorTorqueNm);

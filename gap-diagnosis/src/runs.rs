@@ -28,12 +28,17 @@ pub(crate) fn rows(recording: &Recording) -> Vec<Range<usize>> {
 
 /// One joint's signals, run by run.
 pub(crate) fn of_joint(recording: &Recording, joint: &JointColumns) -> Vec<JointColumns> {
-    let rows = rows(recording).into_iter();
-    rows.map(|rows| cut(joint, rows)).collect()
+    pieces(joint, &rows(recording))
+}
+
+/// The same, of runs that are known.
+pub(crate) fn pieces(joint: &JointColumns, runs: &[Range<usize>]) -> Vec<JointColumns> {
+    let runs = runs.iter().cloned();
+    runs.map(|rows| cut(joint, rows)).collect()
 }
 
 /// One joint's signals in some rows.
-pub(crate) fn cut(joint: &JointColumns, rows: Range<usize>) -> JointColumns {
+fn cut(joint: &JointColumns, rows: Range<usize>) -> JointColumns {
     JointColumns {
         name: joint.name.clone(),
         signals: joint

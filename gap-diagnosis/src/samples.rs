@@ -404,9 +404,8 @@ mod tests {
             (Signal::CommandTorqueNm, rows),
             (Signal::MotorTorqueNm, torque),
         ]);
-        let runs: Vec<JointColumns> = [0..5000, 5000..10_000, 10_000..15_000, 15_000..20_000]
-            .map(|rows| crate::runs::cut(&joint, rows))
-            .into();
+        let runs = [0..5000, 5000..10_000, 10_000..15_000, 15_000..20_000];
+        let runs = crate::runs::pieces(&joint, &runs);
         assert_eq!(slow_drive(&runs, 1e-3, Some(0)), []);
         assert_eq!(left_out(&runs, 1e-3, 1), None);
     }
