@@ -160,6 +160,27 @@ fn omniscient() -> BTreeMap<String, Prediction> {
     .into()
 }
 
+#[test]
+fn an_oracle_that_makes_a_gap_larger_counts_as_one_that_names_nothing() {
+    let mut predictions = omniscient();
+    for report in predictions.values_mut().flatten() {
+        for joint in &mut report.joints {
+            joint.gap.shrink = 0.9;
+        }
+    }
+    let over = |oracle: &[(&str, f64)]| {
+        let oracle = oracle
+            .iter()
+            .map(|(case, shrink)| ((*case).to_owned(), *shrink));
+        let scores = score(&labels(), &predictions, &oracle.collect());
+        scores.all.shrink_over_oracle
+    };
+    assert!((over(&[("one", 0.9)]).unwrap() - 1.0).abs() < 1e-12);
+    let beside_a_bad_one = over(&[("one", 0.9), ("equivalent", -1e9)]).unwrap();
+    assert!((beside_a_bad_one - 2.0).abs() < 1e-12, "{beside_a_bad_one}");
+    assert_eq!(over(&[("one", -1.0)]), None);
+}
+
 fn scores_with(changes: &[(&str, Report)]) -> Scores {
     let mut predictions = omniscient();
     for (case, report) in changes {
