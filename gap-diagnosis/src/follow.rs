@@ -49,6 +49,33 @@ struct Follow {
     lag_s: f64,
 }
 
+/// Sums over one lag's responses `t`, by their whole delay.
+struct Lagged {
+    square: f64,
+    /// Of products with the torque's changes.
+    like: [f64; TAPS + 1],
+    /// `t` with itself, and with the response after one sample more.
+    own: [f64; TAPS + 1],
+    next: [f64; TAPS],
+}
+
+impl Lagged {
+    /// Sum of squares that a response leaves, whatever the torque's scale: a wrong one is no lag.
+    fn left(&self, delay: f64) -> f64 {
+        let whole = delay.floor() as usize;
+        if whole >= TAPS {
+            return self.square;
+        }
+        let late = delay - whole as f64;
+        let share = 1.0 - late;
+        let like = share * self.like[whole] + late * self.like[whole + 1];
+        let own = share * share * self.own[whole]
+            + 2.0 * share * late * self.next[whole]
+            + late * late * self.own[whole + 1];
+        (self.square - like.max(0.0).powi(2) / own.max(1e-300)).max(0.0)
+    }
+}
+
 impl Response {
     /// From the changes over so many samples, wherever command and torque are there.
     fn over(span: usize, columns: &[JointColumns], period_s: f64) -> Option<Self> {
@@ -123,12 +150,17 @@ impl Response {
         }
     }
 
-    fn taps(&self, follow: Follow) -> DVector<f64> {
-        let keep = if follow.lag_s > 0.0 {
-            (-self.period_s / follow.lag_s).exp()
+    /// What of a command is still to go a sample later.
+    fn keep(&self, lag_s: f64) -> f64 {
+        if lag_s > 0.0 {
+            (-self.period_s / lag_s).exp()
         } else {
             0.0
-        };
+        }
+    }
+
+    fn taps(&self, follow: Follow) -> DVector<f64> {
+        let keep = self.keep(follow.lag_s);
         let whole = follow.delay.floor();
         let share = follow.delay - whole;
         let at = |i: f64| {
@@ -144,12 +176,25 @@ impl Response {
         })
     }
 
-    /// Sum of squares that a response leaves, whatever the torque's scale: a wrong one is no lag.
-    fn left(&self, follow: Follow) -> f64 {
-        let taps = self.taps(follow);
-        let like = taps.dot(&self.vector).max(0.0);
-        let own = taps.dot(&(&self.matrix * &taps)).max(1e-300);
-        (self.square - like * like / own).max(0.0)
+    /// What a lag makes of the sums, for every whole delay.
+    fn lagged(&self, lag_s: f64) -> Lagged {
+        let keep = self.keep(lag_s);
+        let mut lagged = Lagged {
+            square: self.square,
+            like: [0.0; TAPS + 1],
+            own: [0.0; TAPS + 1],
+            next: [0.0; TAPS],
+        };
+        // a response after one sample more is this one a sample on: t = (1 - keep) e + keep t_next
+        let mut product = DVector::zeros(TAPS);
+        for whole in (0..TAPS).rev() {
+            let (like, own) = (lagged.like[whole + 1], lagged.own[whole + 1]);
+            lagged.like[whole] = (1.0 - keep) * self.vector[whole] + keep * like;
+            lagged.next[whole] = (1.0 - keep) * product[whole] + keep * own;
+            product.axpy(1.0 - keep, &self.matrix.column(whole), keep);
+            lagged.own[whole] = (1.0 - keep) * product[whole] + keep * lagged.next[whole];
+        }
+        lagged
     }
 
     /// The best response with these delays and lags.
@@ -161,12 +206,12 @@ impl Response {
             },
             f64::INFINITY,
         );
-        for &delay in delays {
-            for &lag_s in lags_s {
-                let follow = Follow { delay, lag_s };
-                let left = self.left(follow);
+        for &lag_s in lags_s {
+            let lagged = self.lagged(lag_s);
+            for &delay in delays {
+                let left = lagged.left(delay);
                 if left < best.1 {
-                    best = (follow, left);
+                    best = (Follow { delay, lag_s }, left);
                 }
             }
         }
@@ -253,17 +298,10 @@ fn slow_lags_s() -> Vec<f64> {
 }
 
 /// Lag of the current loop, and delay of the command beyond what the robot file's controller has, where that is told.
-pub(crate) fn slow_drive(
-    columns: &[JointColumns],
-    period_s: f64,
-    delay_cycles: Option<usize>,
-) -> Vec<Found> {
-    let mut responses = Response::all(columns, period_s).into_iter();
-    let found = responses.find_map(|response| {
-        let found = response.slow(delay_cycles);
-        (!found.is_empty()).then_some(found)
-    });
-    found.unwrap_or_default()
+pub(crate) fn slow_drive(responses: &[Response], delay_cycles: Option<usize>) -> Vec<Found> {
+    let found = responses.iter().map(|response| response.slow(delay_cycles));
+    let mut found = found.filter(|found| !found.is_empty());
+    found.next().unwrap_or_default()
 }
 
 impl Response {
@@ -363,7 +401,7 @@ pub(crate) mod tests {
             (Signal::CommandTorqueNm, command),
             (Signal::MotorTorqueNm, torque),
         ]);
-        slow_drive(&[joint], 1e-3, Some(0))
+        slow_drive(&Response::all(&[joint], 1e-3), Some(0))
     }
 
     #[test]
@@ -395,7 +433,7 @@ pub(crate) mod tests {
             (Signal::CommandTorqueNm, command),
             (Signal::MotorTorqueNm, torque),
         ]);
-        let found = slow_drive(&[joint], 1e-3, Some(0));
+        let found = slow_drive(&Response::all(&[joint], 1e-3), Some(0));
         assert_eq!(found, []);
     }
 
@@ -414,7 +452,7 @@ pub(crate) mod tests {
             ]);
             let steps = Response::of_steps(std::slice::from_ref(&joint), 1e-3).unwrap();
             assert_eq!(steps.slow(Some(0)), [], "steps drown in the noise");
-            slow_drive(&[joint], 1e-3, Some(0))
+            slow_drive(&Response::all(&[joint], 1e-3), Some(0))
         };
         assert_eq!(late(1, 1.0), []);
         assert_eq!(late(1, 0.9), [], "a wrong scale is no lag");

@@ -62,10 +62,10 @@ pub(crate) struct LeftOut {
 /// torque that is measured of it.
 pub(crate) fn left_out(
     columns: &[JointColumns],
-    period_s: f64,
+    responses: &[Response],
     told_rows: usize,
 ) -> Option<LeftOut> {
-    fitted(columns, period_s, told_rows).map(|(left_out, _)| left_out)
+    fitted(columns, responses, told_rows).map(|(left_out, _)| left_out)
 }
 
 /// For every run the command that the drive acted on instead of the recorded one, as far as the torque tells: the mean over what
@@ -75,9 +75,9 @@ pub(crate) fn acted_on(
     period_s: f64,
     told_rows: usize,
 ) -> Option<Vec<Vec<f64>>> {
-    let (left_out, chain) = fitted(columns, period_s, told_rows)?;
-    let response = Response::of_steps(columns, period_s)?;
-    let weights = response.weights_after(left_out.delay_rows);
+    let responses = Response::all(columns, period_s);
+    let (left_out, chain) = fitted(columns, &responses, told_rows)?;
+    let weights = responses.first()?.weights_after(left_out.delay_rows);
     let of_run = |run: &JointColumns| {
         let command_nm = run.signals.get(&Signal::CommandTorqueNm);
         let command_nm = command_nm.cloned().unwrap_or_default();
@@ -109,8 +109,11 @@ pub(crate) fn acted_on(
     Some(columns.iter().map(of_run).collect())
 }
 
-fn fitted(columns: &[JointColumns], period_s: f64, told_rows: usize) -> Option<(LeftOut, Chain)> {
-    let responses = Response::all(columns, period_s);
+fn fitted(
+    columns: &[JointColumns],
+    responses: &[Response],
+    told_rows: usize,
+) -> Option<(LeftOut, Chain)> {
     let response = responses.first()?;
     // what is left out makes the answer come later, on the whole
     let fast_rows = response.fast_delay();
@@ -509,7 +512,11 @@ mod tests {
     }
 
     fn found(delay_rows: usize, lag_s: f64, lost: f64, noise_nm: f64) -> Option<LeftOut> {
-        left_out(&driven(delay_rows, lag_s, lost, noise_nm), PERIOD_S, 1)
+        of(&driven(delay_rows, lag_s, lost, noise_nm))
+    }
+
+    fn of(runs: &[JointColumns]) -> Option<LeftOut> {
+        left_out(runs, &Response::all(runs, PERIOD_S), 1)
     }
 
     #[test]
@@ -557,7 +564,7 @@ mod tests {
     fn a_delay_a_lag_or_noise_is_no_command_left_out() {
         for delay_rows in [1.0, 1.4, 2.0, 3.7] {
             for noise_nm in [1e-3, 0.03] {
-                let found = left_out(&smooth(delay_rows, noise_nm), PERIOD_S, 1);
+                let found = of(&smooth(delay_rows, noise_nm));
                 assert_eq!(found, None, "smooth, {delay_rows} rows, {noise_nm} Nm");
             }
         }

@@ -5,7 +5,7 @@ use recording::{JointColumns, Recording, Signal};
 use robot::{Control, Effect, EncoderSide, RobotJoint};
 
 use crate::control::is_slower_than_loop;
-use crate::follow::slow_drive;
+use crate::follow::{Response, slow_drive};
 use crate::found::{Found, ROWS_MIN};
 use crate::lost::{LeftOut, left_out};
 use crate::timing::{Timing, columns};
@@ -44,14 +44,15 @@ pub(crate) fn find(recordings: &[&Recording], joint: &RobotJoint, timing: &Timin
         None if lacks_commands => (None, Vec::new()),
         None => {
             let told_rows = timing.told_rows();
-            let left_out = left_out(&columns, period_s, told_rows);
+            let responses = Response::all(&columns, period_s);
+            let left_out = left_out(&columns, &responses, told_rows);
             let slow = match left_out {
                 // commands that are left out come later, as from a slow loop
                 Some(left_out) => late(&left_out, told_rows, period_s)
                     .filter(|_| timing.is_told)
                     .into_iter()
                     .collect(),
-                None => slow_drive(&columns, period_s, timing.is_told.then_some(delay_cycles)),
+                None => slow_drive(&responses, timing.is_told.then_some(delay_cycles)),
             };
             (left_out.map(lost_commands), slow)
         }
@@ -406,7 +407,8 @@ mod tests {
         ]);
         let runs = [0..5000, 5000..10_000, 10_000..15_000, 15_000..20_000];
         let runs = crate::runs::pieces(&joint, &runs);
-        assert_eq!(slow_drive(&runs, 1e-3, Some(0)), []);
-        assert_eq!(left_out(&runs, 1e-3, 1), None);
+        let responses = Response::all(&runs, 1e-3);
+        assert_eq!(slow_drive(&responses, Some(0)), []);
+        assert_eq!(left_out(&runs, &responses, 1), None);
     }
 }
