@@ -19,6 +19,8 @@ const SWEEPS: usize = 2;
 /// Effects of which one is in a pair that is tried, and pairs that are fitted by simulation.
 const PAIRS_OF: usize = 8;
 const PAIRS: usize = 3;
+/// Sizes from which an effect of twist is fitted anew.
+const STARTS: usize = 2;
 /// Nats that a second or third effect must be worth, and part of the first one's up to some nats: no law is exact.
 const FURTHER_NATS: f64 = 6.0;
 const FURTHER_PART: f64 = 0.01;
@@ -31,6 +33,10 @@ const WORSE_ALONE: f64 = -0.05;
 const AS_MUCH: f64 = 0.9;
 /// Standard deviations of a sum of squares above its mean at which known values are strained.
 const STRAINED: f64 = 3.0;
+/// Times noise and the twin's own errors, as squares, up to which one effect is taken for all there is.
+const WELL_EXPLAINED: f64 = 2.0;
+/// Part of the way to its bound from which a known value is at it.
+const AT_BOUND: f64 = 0.999;
 
 /// What explains a joint's residual.
 #[derive(Clone, Debug)]
@@ -157,8 +163,7 @@ impl Beginning {
         let without = first.base.clone();
         growing.grow()?;
         growing.settle()?;
-        if is_gap && (growing.added.len() > 1 || growing.is_left(&without) || growing.is_strained())
-        {
+        if is_gap && growing.may_have_missed(&without) {
             growing.start_anew(first)?;
         }
         let is_series = growing.drop_series()?;
@@ -267,58 +272,92 @@ impl Growing<'_, '_> {
         strain(&self.refined.model, &[]) > count + STRAINED * (2.0 * count).sqrt()
     }
 
-    /// Begins anew with two effects at once, since the one that takes off most alone need not be one of the two that are
-    /// there; or with one of twist from sizes of its own, since known values that stand in for it leave no response to it.
+    /// Whether a known value had to move as far as it may.
+    fn is_at_bound(&self) -> bool {
+        let known = self.refined.model.known.iter();
+        let mut bounded = known.zip(self.search.bounds());
+        bounded.any(|(value, bound)| value.abs() >= AT_BOUND * bound.range[1])
+    }
+
+    /// Whether another start may end elsewhere: none or several effects were named, something is left, more than noise and the
+    /// twin's own errors is, or known values stand in for an effect.
+    fn may_have_missed(&self, without: &Refined) -> bool {
+        self.added.len() != 1
+            || self.is_left(without)
+            || self.is_strained()
+            || self.is_at_bound()
+            || is_beyond(self.search, &self.refined.residual_nm, WELL_EXPLAINED)
+    }
+
+    /// Models of two effects at once, since the one that takes off most alone need not be one of the two that are there.
+    fn pairs(&self, first: &Step) -> Vec<Model> {
+        let leading = first.standings.effects.iter().take(PAIRS_OF);
+        let leading: Vec<usize> = leading.map(|(index, _)| *index).collect();
+        let pairs = first.round.pairs(&leading, PAIRS).into_iter();
+        let models = pairs.map(|pair| {
+            let mut model = first.base.model.clone();
+            model.terms.extend(pair);
+            model
+        });
+        models.collect()
+    }
+
+    /// Models with an effect of twist at a size of its own, alone and beside what was added: known values that stand in for it leave
+    /// no response to it.
+    fn twisted(&self, first: &Step) -> Result<Vec<Model>, FilterError> {
+        let added = &self.refined.model.terms;
+        let is_twist = |term: &Term| TWIST.contains(&term.hypothesis.effect);
+        let has_room = (1..EFFECTS_MAX).contains(&added.len()) && !added.iter().any(is_twist);
+        let beside = has_room.then_some(&self.refined);
+        let mut models = Vec::new();
+        for effect in TWIST {
+            let mut terms: Vec<Term> = Vec::new();
+            for scored in &first.round.ranking.scored {
+                let hypothesis = &scored.hypothesis;
+                let is_there = |of: &Term| of.hypothesis.shape == hypothesis.shape;
+                if hypothesis.effect == effect && !terms.iter().any(is_there) {
+                    terms.push(Term {
+                        hypothesis: hypothesis.clone(),
+                        amplitudes: vec![0.0; hypothesis.amplitudes()],
+                    });
+                }
+            }
+            if !terms.is_empty() {
+                for refined in [Some(&first.base), beside].into_iter().flatten() {
+                    let starts = self.search.starts(refined, &terms)?;
+                    models.extend(starts.into_iter().take(STARTS));
+                }
+            }
+        }
+        Ok(models)
+    }
+
+    /// Begins anew from elsewhere, and keeps what comes of it if it is worth more.
     fn start_anew(&mut self, first: &Step) -> Result<(), FilterError> {
         let search = self.search;
         let ranking = &first.round.ranking;
-        let leading = first.standings.effects.iter().take(PAIRS_OF);
-        let leading: Vec<usize> = leading.map(|(index, _)| *index).collect();
         let left = |refined: &Refined| search.left(&refined.model, &refined.residual_nm);
         let without = left(&first.base);
         let worth = |refined: &Refined, variance: f64| {
             let effects = refined.model.terms.iter().map(|term| &term.hypothesis);
             together(ranking, [without, left(refined)], variance, effects)
         };
-        let with = |terms: Vec<Term>| {
-            let mut model = first.base.model.clone();
-            model.terms.extend(terms);
-            model
-        };
-        let pairs = first.round.pairs(&leading, PAIRS).into_iter();
-        let mut starts: Vec<Model> = pairs.map(|pair| with(pair.into())).collect();
-        for effect in TWIST {
-            let mut scored = ranking.scored.iter();
-            if let Some(scored) = scored.find(|scored| scored.hypothesis.effect == effect) {
-                let hypothesis = scored.hypothesis.clone();
-                let amplitudes = vec![0.0; hypothesis.amplitudes()];
-                let term = Term {
-                    hypothesis,
-                    amplitudes,
-                };
-                starts.push(search.nearer(with(vec![term]))?);
-            }
+        let mut starts = self.twisted(first)?;
+        if !self.added.is_empty() || self.is_left(&first.base) {
+            starts.extend(self.pairs(first));
         }
-        let refined = starts
+        let mut refined = starts
             .par_iter()
             .map(|model| search.refine(&first.round, model))
             .collect::<Result<Vec<_>, FilterError>>()?;
-        let mut best: Option<Refined> = None;
-        for refined in refined {
-            let total = left(&refined).total();
-            if total.is_finite() && best.as_ref().is_none_or(|best| total < left(best).total()) {
-                best = Some(refined);
-            }
-        }
-        let Some(best) = best else {
+        refined.retain(|refined| left(refined).total().is_finite());
+        let squares = refined.iter().map(|refined| left(refined).square);
+        let variance = variance_of(ranking, squares.fold(left(&self.refined).square, f64::min));
+        let most = |a: &Refined, b: &Refined| worth(a, variance).total_cmp(&worth(b, variance));
+        let Some(best) = refined.into_iter().max_by(most) else {
             return Ok(());
         };
-        let variance = |other: &Refined| {
-            let least = left(&self.refined).square.min(left(other).square);
-            variance_of(ranking, least)
-        };
-        let at = variance(&best);
-        if worth(&best, at) <= worth(&self.refined, at) + FURTHER_NATS {
+        if worth(&best, variance) <= worth(&self.refined, variance) + FURTHER_NATS {
             return Ok(());
         }
         let mut other = self.clone();
@@ -328,8 +367,9 @@ impl Growing<'_, '_> {
         other.look()?;
         other.grow()?;
         other.settle()?;
-        let at = variance(&other.refined);
-        if worth(&other.refined, at) > worth(&self.refined, at) {
+        let least = left(&self.refined).square.min(left(&other.refined).square);
+        let variance = variance_of(ranking, least);
+        if worth(&other.refined, variance) > worth(&self.refined, variance) {
             *self = other;
         }
         Ok(())
@@ -405,7 +445,9 @@ impl Growing<'_, '_> {
             let mut model = self.refined.model.clone();
             let taken = model.terms.remove(0);
             let base = self.search.refine(self.responses, &model)?;
-            let step = self.search.next(self.responses, &base.model)?;
+            let step = self
+                .search
+                .next_with(self.responses, &base.model, Some(&taken))?;
             model.terms.push(taken);
             let step = Step::beside(self.search, step, &base, Some(&model))?;
             let kept = std::mem::replace(&mut self.refined, base);

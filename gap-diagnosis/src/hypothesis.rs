@@ -217,7 +217,7 @@ impl Hypothesis {
     }
 
     /// The same effect, with its response found at so large an amplitude.
-    fn reaching(self, amplitude: f64) -> Self {
+    pub(crate) fn reaching(self, amplitude: f64) -> Self {
         Self {
             reach: amplitude,
             ..self

@@ -252,6 +252,20 @@ impl Search<'_> {
     /// # Errors
     /// [`FilterError`].
     pub fn next(&self, before: &Round, model: &Model) -> Result<Round, FilterError> {
+        self.next_with(before, model, None)
+    }
+
+    /// The same, with a term's hypothesis among those chosen, its response found at the size that it has: about nothing it may
+    /// show none.
+    ///
+    /// # Errors
+    /// [`FilterError`].
+    pub(crate) fn next_with(
+        &self,
+        before: &Round,
+        model: &Model,
+        also: Option<&Term>,
+    ) -> Result<Round, FilterError> {
         let mut model = model.clone();
         model.known.resize(self.twin.known.len(), 0.0);
         let base = self.twin.coarsely(&model.changes(&self.scale))?;
@@ -262,12 +276,9 @@ impl Search<'_> {
             .hypotheses
             .extend(self.columns(&base, &model, periodic)?);
         let (rough, _) = self.scored(&model, &linear);
-        let anew = rough
-            .scored
-            .iter()
-            .take(ANEW)
-            .map(|scored| scored.hypothesis.clone())
-            .collect();
+        let chosen = rough.scored.iter().take(ANEW);
+        let mut anew: Vec<Hypothesis> = chosen.map(|scored| scored.hypothesis.clone()).collect();
+        anew.extend(also.map(Term::at_its_size));
         linear.hypotheses = self.columns(&base, &model, anew)?;
         let roughness = self.roughness(&model)?;
         Ok(self.round(model, linear, roughness))

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::fit::{Blocks, Bound, block_of};
 use crate::rank::Round;
-use crate::search::{Model, PLAUSIBLE_STEPS, Search, difference};
+use crate::search::{Model, PLAUSIBLE_STEPS, Search, Term, difference, strain};
 
 /// The smallest part of a step that is tried.
 const SHARE_MIN: f64 = 0.02;
@@ -14,9 +14,11 @@ const SHARE_MIN: f64 = 0.02;
 const START_FACTORS: [f64; 5] = [0.3, 0.6, 1.0, 1.7, 3.0];
 /// Sizes, in steps, that are tried where the linear response says that there is nothing: known values that stand in for an effect
 /// leave none of it.
-const START_SIZES: [f64; 4] = [3.0, 30.0, 100.0, 300.0];
-/// Gauss-Newton steps.
+const START_SIZES: [f64; 6] = [3.0, 10.0, 30.0, 100.0, 300.0, 1000.0];
+/// Gauss-Newton steps, and more as long as each takes so large a part off.
 const STEPS: usize = 8;
+const STEPS_MOST: usize = 24;
+const STILL_GAINS: f64 = 0.01;
 
 struct Step {
     coefficients: Vec<f64>,
@@ -48,6 +50,16 @@ pub struct Refined {
     prior_means: Vec<f64>,
 }
 
+/// Sizes of an effect from which it is fitted, rising.
+fn sizes(fitted: &[f64]) -> Vec<Vec<f64>> {
+    if fitted.iter().all(|a| *a == 0.0) {
+        START_SIZES.map(|size| vec![size; fitted.len()]).into()
+    } else {
+        let sizes = START_FACTORS.map(|factor| fitted.iter().map(|a| factor * a).collect());
+        sizes.into()
+    }
+}
+
 impl Search<'_> {
     /// Fits known values, amplitudes and shapes of a model to all rows by Gauss-Newton steps.
     ///
@@ -58,7 +70,7 @@ impl Search<'_> {
         model.known.resize(self.twin.known.len(), 0.0);
         let mut residual_nm = self.residual_nm(&model)?;
         let mut last = None;
-        for _ in 0..STEPS {
+        for count in 1..=STEPS_MOST {
             let step = self.step(round, &model, &residual_nm)?;
             let before = self.objective(&model, &residual_nm);
             let mut share = 1.0;
@@ -80,7 +92,7 @@ impl Search<'_> {
             };
             model = next;
             residual_nm = left;
-            if gain < 1e-4 {
+            if gain < 1e-4 || count >= STEPS && gain < STILL_GAINS {
                 break;
             }
         }
@@ -136,76 +148,81 @@ impl Search<'_> {
         })
     }
 
-    /// A model whose last effect has the size, of some, that leaves least, with its known values or with the file's: a
-    /// strong effect does not respond in proportion, and known values that were fitted without it stand in for it.
+    /// Refined models with an effect more, the most promising first: those of these effects and of some sizes beside which
+    /// everything else, moved in proportion, leaves less than beside the next smaller and the next larger size. A strong effect
+    /// does not respond in proportion, and what was fitted without it stands in for it.
     ///
     /// # Errors
     /// [`FilterError`].
-    pub fn nearer(&self, model: Model) -> Result<Model, FilterError> {
-        let mut starts = Vec::new();
-        for known in [model.known.clone(), vec![0.0; self.twin.known.len()]] {
-            let last = model.terms.last();
-            let fitted = last.map_or(&[][..], |last| &last.amplitudes[..]);
-            let sizes: Vec<Vec<f64>> = if fitted.iter().all(|a| *a == 0.0) {
-                START_SIZES.map(|size| vec![size; fitted.len()]).into()
-            } else {
-                START_FACTORS
-                    .map(|factor| fitted.iter().map(|a| factor * a).collect())
-                    .into()
-            };
-            for amplitudes in sizes {
-                let mut start = model.clone();
-                start.known.clone_from(&known);
-                if let Some(last) = start.terms.last_mut() {
-                    last.amplitudes = amplitudes;
+    pub fn starts(&self, base: &Refined, terms: &[Term]) -> Result<Vec<Model>, FilterError> {
+        let white: Vec<Vec<f64>> = base
+            .columns
+            .par_iter()
+            .map(|column| self.whitener.apply(column))
+            .collect();
+        let all: Vec<usize> = (0..white.len()).collect();
+        let (bounds, prior_means) = self.room(&base.model.known, &base.model.terms);
+        let left = |start: &Model| -> Result<f64, FilterError> {
+            let target = self.whitener.apply(&self.coarse_residual_nm(start)?);
+            let blocks = Blocks::new(&white, &target, bounds.clone(), &self.twin.rows)
+                .with_prior_means(&prior_means);
+            let fit = blocks.fit(&all);
+            let left = fit.square + strain(start, &fit.coefficients[..start.known.len()]);
+            // a joint may run away in simulation
+            Ok(if left.is_nan() { f64::INFINITY } else { left })
+        };
+        let mut found: Vec<(f64, Model)> = Vec::new();
+        for term in terms {
+            let models: Vec<Model> = sizes(&term.amplitudes)
+                .into_iter()
+                .map(|amplitudes| {
+                    let mut model = base.model.clone();
+                    model.terms.push(Term {
+                        hypothesis: term.hypothesis.clone(),
+                        amplitudes,
+                    });
+                    model
+                })
+                .collect();
+            let lefts = models
+                .par_iter()
+                .map(left)
+                .collect::<Result<Vec<f64>, FilterError>>()?;
+            for (k, model) in models.into_iter().enumerate() {
+                let before = k.checked_sub(1).map(|before| lefts[before]);
+                let is_less = before.is_none_or(|before| lefts[k] < before);
+                if is_less && lefts.get(k + 1).is_none_or(|after| lefts[k] <= *after) {
+                    found.push((lefts[k], model));
                 }
-                starts.push(start);
             }
         }
-        let left = starts
-            .par_iter()
-            .map(|start| {
-                let left = self.objective(start, &self.coarse_residual_nm(start)?);
-                // a joint may run away in simulation
-                Ok(if left.is_nan() { f64::INFINITY } else { left })
-            })
-            .collect::<Result<Vec<f64>, FilterError>>()?;
-        let best = (0..starts.len()).min_by(|a, b| left[*a].total_cmp(&left[*b]));
-        Ok(best.map_or(model, |best| starts.swap_remove(best)))
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(found.into_iter().map(|(_, model)| model).collect())
     }
 
-    fn step(&self, round: &Round, model: &Model, residual_nm: &[f64]) -> Result<Step, FilterError> {
-        let base = self.twin.coarsely(&model.changes(&self.scale))?;
-        let mut probes: Vec<Model> = Vec::new();
+    /// How far known values, and every term's amplitudes and shape, may still move, and where their priors lie.
+    fn room(&self, known: &[f64], terms: &[Term]) -> (Vec<Bound>, Vec<f64>) {
         let mut bounds = self.bounds();
-        for (k, bound) in bounds.iter_mut().enumerate() {
-            bound.range = bound.range.map(|limit| limit - model.known[k]);
+        for (bound, known) in bounds.iter_mut().zip(known) {
+            bound.range = bound.range.map(|limit| limit - known);
         }
         // the prior is about the file's values, not about the model's
-        let mut prior_means: Vec<f64> = model.known.iter().map(|z| -z).collect();
-        for (t, term) in model.terms.iter().enumerate() {
-            for a in 0..term.amplitudes.len() {
-                if term.hypothesis.is_switch() {
-                    continue;
+        let mut prior_means: Vec<f64> = known.iter().map(|z| -z).collect();
+        for term in terms {
+            let hypothesis = &term.hypothesis;
+            if !hypothesis.is_switch() {
+                for amplitude in &term.amplitudes {
+                    bounds.push(Bound {
+                        range: [hypothesis.lowest(&self.scale) - amplitude, f64::INFINITY],
+                        precision: PLAUSIBLE_STEPS.powi(-2),
+                    });
+                    prior_means.push(-amplitude);
                 }
-                let mut probe = model.clone();
-                probe.terms[t].amplitudes[a] += 1.0;
-                probes.push(probe);
-                let low = term.hypothesis.lowest(&self.scale);
-                bounds.push(Bound {
-                    range: [low - term.amplitudes[a], f64::INFINITY],
-                    precision: PLAUSIBLE_STEPS.powi(-2),
-                });
-                prior_means.push(-term.amplitudes[a]);
             }
-            if term.hypothesis.shape_is_free() {
-                let shape = term.hypothesis.shape[0];
-                let range = term.hypothesis.shape_range(&self.scale);
-                let mut probe = model.clone();
-                let factor = 1.0 + term.hypothesis.shape_step(&self.scale);
-                probe.terms[t].hypothesis = term.hypothesis.shaped(&[shape * factor]);
-                probes.push(probe);
-                let unit = factor.ln();
+            if hypothesis.shape_is_free() {
+                let shape = hypothesis.shape[0];
+                let range = hypothesis.shape_range(&self.scale);
+                let unit = (1.0 + hypothesis.shape_step(&self.scale)).ln();
                 bounds.push(Bound {
                     range: [
                         ((range[0] / shape).ln() / unit).max(-6.0),
@@ -216,6 +233,29 @@ impl Search<'_> {
                 prior_means.push(0.0);
             }
         }
+        (bounds, prior_means)
+    }
+
+    fn step(&self, round: &Round, model: &Model, residual_nm: &[f64]) -> Result<Step, FilterError> {
+        let base = self.twin.coarsely(&model.changes(&self.scale))?;
+        let mut probes: Vec<Model> = Vec::new();
+        for (t, term) in model.terms.iter().enumerate() {
+            if !term.hypothesis.is_switch() {
+                for a in 0..term.amplitudes.len() {
+                    let mut probe = model.clone();
+                    probe.terms[t].amplitudes[a] += 1.0;
+                    probes.push(probe);
+                }
+            }
+            if term.hypothesis.shape_is_free() {
+                let shape = term.hypothesis.shape[0];
+                let mut probe = model.clone();
+                let factor = 1.0 + term.hypothesis.shape_step(&self.scale);
+                probe.terms[t].hypothesis = term.hypothesis.shaped(&[shape * factor]);
+                probes.push(probe);
+            }
+        }
+        let (bounds, prior_means) = self.room(&model.known, &model.terms);
         let mut columns = round.linear.known.clone();
         columns.extend(
             probes
@@ -316,5 +356,117 @@ impl Search<'_> {
             *term = self.stepped(term, &own);
         }
         next
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use recording::{JointColumns, Recording, Signal};
+    use robot::{Robot, RobotFile, Source};
+
+    use crate::diagnose::diagnose;
+    use crate::report::Verdict;
+    use crate::search::uniform;
+
+    const RATE_HZ: f64 = 1000.0;
+    const ROWS: usize = 12_000;
+    /// Steps of the plant in a row.
+    const SUBSTEPS: usize = 25;
+    const RATIO: f64 = 100.0;
+    const ROTOR_KG_M2: f64 = 1e-5;
+    const RESOLUTION_RAD: f64 = 1e-5;
+    const NOISE_NM: f64 = 2e-4;
+    const COULOMB_NM: f64 = 2.0;
+    const VISCOUS_NM_S_RAD: f64 = 1.0;
+    const STIFFNESS_NM_RAD: f64 = 20_000.0;
+    const DAMPING_NM_S_RAD: f64 = 5.0;
+    const LINK_KG: f64 = 3.0;
+    const CENTRE_M: f64 = 0.3;
+    const LINK_KG_M2: f64 = 0.06;
+
+    fn robot() -> Robot {
+        let text = format!(
+            "name = \"one\"\ngravity_m_s2 = [0.0, 0.0, -9.81]\nparameter_tolerance = 0.02\n\
+             [[link]]\njoint = \"joint1\"\norigin_m = [0.0, 0.0, 0.3]\n\
+             origin_rpy_rad = [0.0, 0.0, 0.0]\naxis = [0.0, 1.0, 0.0]\nmass_kg = {LINK_KG}\n\
+             centre_of_mass_m = [0.0, 0.0, {CENTRE_M}]\n\
+             inertia_kg_m2 = {{ xx = 0.06, yy = {LINK_KG_M2}, zz = 0.004, xy = 0.0, yz = 0.0, xz = 0.0 }}\n\
+             [[joint]]\nname = \"joint1\"\ngear_ratio = {RATIO}\nrotor_inertia_kg_m2 = {ROTOR_KG_M2}\n\
+             motor_encoder_resolution_rad = {RESOLUTION_RAD}\ntorque_noise_nm = {NOISE_NM}\neffects = [\n\
+             {{ effect = \"coulomb_friction\", coulomb_nm = {COULOMB_NM} }},\n\
+             {{ effect = \"viscous_friction\", viscous_nm_s_rad = {VISCOUS_NM_S_RAD} }},\n\
+             {{ effect = \"torsional_compliance\", stiffness_nm_rad = {STIFFNESS_NM_RAD:?} }},\n\
+             {{ effect = \"structural_damping\", damping_nm_s_rad = {DAMPING_NM_S_RAD:?}, exponent = 1.0 }},\n]\n"
+        );
+        let file = RobotFile::parse(&text, "one.toml").unwrap();
+        file.build(Source::Shipped("one")).unwrap()
+    }
+
+    /// Two masses in small explicit steps with a gap between them, the motor held on its way by feedback.
+    fn recorded(gap_rad: f64) -> Recording {
+        let step_s = 1.0 / RATE_HZ / SUBSTEPS as f64;
+        let rotor_kg_m2 = RATIO * RATIO * ROTOR_KG_M2;
+        let link_kg_m2 = LINK_KG_M2 + LINK_KG * CENTRE_M * CENTRE_M;
+        let mut random = uniform(3);
+        let (mut motor_rad, mut motor_nm) = (Vec::new(), Vec::new());
+        let [mut at, mut speed] = [[0.0; 2], [1.5; 2]];
+        for row in 0..ROWS {
+            let time_s = row as f64 / RATE_HZ;
+            let [slow, quick] = [2.0, 7.0].map(|rad_s| rad_s * time_s);
+            let wanted = 0.4 * slow.sin() + 0.1 * quick.sin();
+            let wanted_speed = 0.8 * slow.cos() + 0.7 * quick.cos();
+            let torque_nm = 400.0 * (wanted - at[0]) + 20.0 * (wanted_speed - speed[0]);
+            let normal = (0..12).map(|_| random()).sum::<f64>() - 6.0;
+            motor_nm.push(torque_nm / RATIO + NOISE_NM * normal);
+            motor_rad.push((at[0] * RATIO / RESOLUTION_RAD).round() * RESOLUTION_RAD);
+            for _ in 0..SUBSTEPS {
+                let twist_rad = at[0] - at[1];
+                let free_rad = twist_rad.clamp(-0.5 * gap_rad, 0.5 * gap_rad);
+                let gear_nm = STIFFNESS_NM_RAD * (twist_rad - free_rad)
+                    + DAMPING_NM_S_RAD * (speed[0] - speed[1]);
+                let friction_nm =
+                    COULOMB_NM * (speed[0] / 2e-3).tanh() + VISCOUS_NM_S_RAD * speed[0];
+                let weight_nm = LINK_KG * 9.81 * CENTRE_M * at[1].sin();
+                speed[0] += step_s * (torque_nm - friction_nm - gear_nm) / rotor_kg_m2;
+                speed[1] += step_s * (gear_nm + weight_nm) / link_kg_m2;
+                at[0] += step_s * speed[0];
+                at[1] += step_s * speed[1];
+            }
+        }
+        Recording {
+            time_s: (0..ROWS).map(|row| row as f64 / RATE_HZ).collect(),
+            segment: None,
+            joints: vec![JointColumns {
+                name: "joint1".to_owned(),
+                signals: BTreeMap::from([
+                    (Signal::MotorPositionRad, motor_rad),
+                    (Signal::MotorTorqueNm, motor_nm),
+                ]),
+            }],
+            sample_rate_hz: RATE_HZ,
+            metadata: BTreeMap::new(),
+            truncated: false,
+        }
+    }
+
+    #[test]
+    fn a_wide_gap_is_found_though_known_values_stand_in_for_it_and_a_small_one_explains_less() {
+        for gap_rad in [0.0, 0.003, 0.009] {
+            let recordings = [("made up".to_owned(), recorded(gap_rad))];
+            let report = diagnose(&robot(), &recordings, &|_| ()).unwrap().report;
+            let joint = &report.joints[0];
+            let effects = joint.effects.iter();
+            let names: Vec<&str> = effects.map(|found| found.effect.as_str()).collect();
+            if gap_rad == 0.0 {
+                assert_eq!(joint.verdict, Verdict::NoGap, "{names:?}");
+                continue;
+            }
+            assert_eq!(names, ["backlash"], "{gap_rad}");
+            let found_rad = joint.effects[0].parameters["gap_rad"].value;
+            assert!((found_rad / gap_rad - 1.0).abs() < 0.1, "{found_rad}");
+        }
     }
 }

@@ -43,6 +43,14 @@ pub struct Term {
 }
 
 impl Term {
+    /// Its hypothesis, with the response found at the size that it has.
+    pub(crate) fn at_its_size(&self) -> Hypothesis {
+        match self.amplitudes[..] {
+            [amplitude] if amplitude > 0.0 => self.hypothesis.clone().reaching(amplitude),
+            _ => self.hypothesis.clone(),
+        }
+    }
+
     /// As a robot file writes it.
     pub fn effect(&self, scale: &Scale) -> Effect {
         self.hypothesis.effect(&self.amplitudes, scale)

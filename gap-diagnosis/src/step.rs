@@ -130,18 +130,19 @@ impl Step {
                 .collect();
             leading.extend(others);
         }
-        let mut starts: Vec<(usize, Model)> = leading
+        let starts = leading
             .into_par_iter()
             .map(|index| {
                 let scored = of(index);
-                let mut model = base.model.clone();
-                model.terms.push(Term {
+                let term = Term {
                     hypothesis: scored.hypothesis.clone(),
                     amplitudes: scored.amplitudes.clone(),
-                });
-                Ok((index, search.nearer(model)?))
+                };
+                let start = search.starts(base, &[term])?.into_iter().next();
+                Ok(start.map(|start| (index, start)))
             })
-            .collect::<Result<_, FilterError>>()?;
+            .collect::<Result<Vec<_>, FilterError>>()?;
+        let mut starts: Vec<(usize, Model)> = starts.into_iter().flatten().collect();
         if let Some((index, model)) = before.and_then(|model| {
             let effect = model.terms.last()?.hypothesis.effect;
             let mut effects = standings.effects.iter();
