@@ -7,7 +7,7 @@ use robot::Effect;
 use crate::found::{Found, ROWS_MIN};
 
 /// Samples over which the drive's response is sought.
-const TAPS: usize = 64;
+pub(crate) const TAPS: usize = 64;
 /// Time constant of a current loop as it should be.
 const FAST_LAG_S: f64 = 3e-4;
 /// Those of current loops that nobody would call slow.
@@ -17,6 +17,8 @@ const LATE_STEPS: i32 = 4;
 /// Delay and time constant at which the search ends: what is best there may be anything.
 const LATEST: f64 = TAPS as f64 - 4.0;
 const SLOWEST_S: f64 = 0.02;
+/// Time constants, as a part of the samples, of which next to nothing is left after the last one.
+const SEEN_LAGS: f64 = 0.25;
 /// A response that leaves more of the torque's changes than this part does not tell when it came.
 const UNCLEAR: f64 = 0.5;
 /// What a slower response must be worth, in squared standard deviations.
@@ -130,6 +132,11 @@ impl Response {
         spans
             .filter_map(|span| Self::over(*span, columns, period_s))
             .collect()
+    }
+
+    /// Time between samples.
+    pub(crate) fn period_s(&self) -> f64 {
+        self.period_s
     }
 
     /// From one sample to the next.
@@ -333,7 +340,9 @@ impl Response {
             both
         };
         let mut found = Vec::new();
-        if chosen.lag_s >= SLOWEST_S || chosen.delay >= LATEST - 0.5 {
+        // what still goes on after the last sample is the twin's to find
+        let slowest_s = SLOWEST_S.min(SEEN_LAGS * TAPS as f64 * self.period_s);
+        if chosen.lag_s >= slowest_s || chosen.delay >= LATEST - 0.5 {
             return found;
         }
         if chosen.lag_s > 2.0 * FAST_LAG_S {

@@ -3,11 +3,11 @@
 //! chain (Rabiner, Proceedings of the IEEE 77 (1989) 257-286): many small steps tell of it together, even below the noise.
 
 use std::f64::consts::TAU;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use recording::{JointColumns, Signal};
 
-use crate::follow::{Response, pairs, reached_nm};
+use crate::follow::{Response, TAPS, pairs, reached_nm};
 use crate::found::ROWS_MIN;
 
 /// Ages that are told apart: older ones are rare, or alike.
@@ -34,6 +34,9 @@ const NATS_MIN: f64 = 50.0;
 /// a command or does not.
 const STANDS_OUT: f64 = 4.0;
 const OTHERWISE: f64 = 0.2;
+/// The shortest time constant of a slow current loop, and by which factors others are sought about the best: up to half a second first.
+const SLOW_LAG_S: f64 = 3e-4;
+const SLOWER: [(f64, RangeInclusive<i32>); 3] = [(1.25, 0..=33), (1.05, -5..=5), (1.01, -5..=5)];
 /// Losses below this part are a recorder's hiccup.
 const LOST_MIN: f64 = 0.002;
 /// Standard errors that a loss is away from none.
@@ -144,6 +147,14 @@ fn fitted(
     if nats < NATS_MIN || said.otherwise > OTHERWISE || chain.fraction < LOST_MIN {
         return None;
     }
+    if is_slow_loop(
+        columns,
+        [first, last],
+        responses[0].period_s(),
+        said.log_likelihood,
+    ) {
+        return None;
+    }
     let std = chain.std(&answers, said.log_likelihood);
     let left_out = LeftOut {
         fraction: chain.fraction,
@@ -152,6 +163,40 @@ fn fitted(
         nats,
     };
     (chain.fraction > SURE * std).then_some((left_out, chain))
+}
+
+/// Whether a current loop of any time constant explains the torques as well: a drive that takes few of its commands follows
+/// them as a slow one does, on the whole.
+fn is_slow_loop(
+    columns: &[JointColumns],
+    [first_row, last_row]: [usize; 2],
+    period_s: f64,
+    log_likelihood: f64,
+) -> bool {
+    let lagged = |lag_s: f64, row: usize| {
+        let answers = Answers::lagged(columns, row, (-period_s / lag_s).exp())?;
+        Some((Chain::of(&answers, 0.0).variance, lag_s, row))
+    };
+    let mut best = (f64::INFINITY, SLOW_LAG_S, first_row);
+    for (factor, steps) in SLOWER {
+        let (_, about_s, row) = best;
+        let lags_s = steps.map(|k| about_s * f64::powi(factor, k));
+        let lags = lags_s.filter_map(|lag_s| lagged(lag_s, row));
+        best = lags.fold(best, better);
+        let rows = (first_row..=last_row).filter_map(|row| lagged(best.1, row));
+        best = rows.fold(best, better);
+    }
+    let (_, lag_s, row) = best;
+    let answers = Answers::lagged(columns, row, (-period_s / lag_s).exp());
+    answers.is_some_and(|answers| {
+        let (_, said) = Chain::of(&answers, 0.0).fitted(&answers, ROUNDS);
+        log_likelihood - said.log_likelihood < NATS_MIN
+    })
+}
+
+/// What leaves less, of a variance with a time constant and a delay.
+fn better(a: (f64, f64, usize), b: (f64, f64, usize)) -> (f64, f64, usize) {
+    if b.0 < a.0 { b } else { a }
 }
 
 /// Torques beside what a response makes of their commands.
@@ -164,10 +209,40 @@ struct Answers {
 }
 
 impl Answers {
-    /// Of all recordings; none where too few rows tell.
+    /// Of all recordings, by the weights of the last commands; none where too few rows tell.
     fn of(columns: &[JointColumns], weights: &[f64]) -> Option<Self> {
         let used = weights.iter().copied().enumerate();
         let used: Vec<(usize, f64)> = used.filter(|(_, weight)| *weight != 0.0).collect();
+        Self::with(columns, |command_nm| {
+            let expected_nm = |k: usize| -> f64 {
+                let terms = used.iter().map(|(back, w)| w * command_nm[k - back]);
+                terms.sum()
+            };
+            (TAPS..command_nm.len()).map(expected_nm).collect()
+        })
+    }
+
+    /// The same for a current loop that keeps so much of its torque from row to row and takes commands so many rows late.
+    fn lagged(columns: &[JointColumns], delay_rows: usize, keep: f64) -> Option<Self> {
+        Self::with(columns, |command_nm| {
+            let mut torque_nm = f64::NAN;
+            let mut expected_nm = Vec::with_capacity(command_nm.len());
+            for k in 0..command_nm.len() {
+                let taken_nm = command_nm[k.saturating_sub(delay_rows)];
+                torque_nm = if torque_nm.is_finite() {
+                    keep * torque_nm + (1.0 - keep) * taken_nm
+                } else {
+                    taken_nm
+                };
+                expected_nm.push(torque_nm);
+            }
+            expected_nm.drain(..TAPS.min(command_nm.len()));
+            expected_nm
+        })
+    }
+
+    /// With what should come of the commands of a run, but for its first rows.
+    fn with(columns: &[JointColumns], expected_nm: impl Fn(&[f64]) -> Vec<f64>) -> Option<Self> {
         let mut answers = Self {
             torque_nm: Vec::new(),
             expected_nm: Vec::new(),
@@ -178,12 +253,11 @@ impl Answers {
             let reached_nm = reached_nm(torque_nm);
             answers.largest_nm = answers.largest_nm.max(reached_nm);
             let start = answers.torque_nm.len();
-            // the same rows whatever the weights, so that likelihoods can be compared
-            for (k, torque_nm) in torque_nm.iter().enumerate().skip(weights.len()) {
-                let terms = used.iter().map(|(back, w)| w * command_nm[k - back]);
-                answers.expected_nm.push(terms.sum());
+            answers.expected_nm.extend(expected_nm(command_nm));
+            // the same rows whatever is expected, so that likelihoods can be compared
+            for (k, torque_nm) in torque_nm.iter().enumerate().skip(TAPS) {
                 // a drive at its limit follows no command
-                let mut past = command_nm[k - weights.len().min(AGES)..=k].iter();
+                let mut past = command_nm[k - AGES..=k].iter();
                 let is_beyond = past.any(|command_nm| command_nm.abs() > reached_nm);
                 answers
                     .torque_nm
@@ -568,7 +642,15 @@ mod tests {
                 assert_eq!(found, None, "smooth, {delay_rows} rows, {noise_nm} Nm");
             }
         }
-        for (delay_rows, lag_s) in [(1, 1e-5), (4, 1e-5), (1, 3e-4), (1, 1.5e-3), (2, 6e-3)] {
+        for (delay_rows, lag_s) in [
+            (1, 1e-5),
+            (4, 1e-5),
+            (1, 3e-4),
+            (1, 1.5e-3),
+            (2, 6e-3),
+            (1, 0.03),
+            (2, 0.1),
+        ] {
             for noise_nm in [1e-4, 0.02, 0.2] {
                 let found = found(delay_rows, lag_s, 0.0, noise_nm);
                 assert_eq!(found, None, "{delay_rows} rows, {lag_s} s, {noise_nm} Nm");
