@@ -27,6 +27,9 @@ const FURTHER_PART: f64 = 0.01;
 const FURTHER_MOST_NATS: f64 = 40.0;
 /// The same for one that repeats over the angle as an effect before does.
 const COMPANION_PART: f64 = 0.05;
+/// Nats that an effect must be worth that only another start finds where nothing was named: of so many starts one ends by chance
+/// where it takes a little off.
+const ANEW_NATS: f64 = 30.0;
 /// Shrink below which an effect alone makes the gap larger.
 const WORSE_ALONE: f64 = -0.05;
 /// Part of what names take off that a vibration takes off without any known value refitted: then it is the simpler cause.
@@ -357,7 +360,12 @@ impl Growing<'_, '_> {
         let Some(best) = refined.into_iter().max_by(most) else {
             return Ok(());
         };
-        if worth(&best, variance) <= worth(&self.refined, variance) + FURTHER_NATS {
+        let more = if self.added.is_empty() {
+            ANEW_NATS
+        } else {
+            FURTHER_NATS
+        };
+        if worth(&best, variance) <= worth(&self.refined, variance) + more {
             return Ok(());
         }
         let mut other = self.clone();
