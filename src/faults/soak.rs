@@ -149,8 +149,15 @@ fn watch(
             let checkpoint = Checkpoint {
                 cycle: status.header.cycle,
                 wall_s: begun.elapsed().as_secs_f64(),
-                held: held_by(subject),
+                held: Role::ALL
+                    .into_iter()
+                    .filter_map(|role| Some((role.name().to_owned(), held_by(subject, role)?)))
+                    .collect(),
             };
+            // the run ended during this look: what became of it its report tells
+            if held_by(subject, Role::Loop).is_none() {
+                break;
+            }
             show(&checkpoint.to_string(), arguments)?;
             checkpoints.push(checkpoint);
         }
@@ -159,18 +166,14 @@ fn watch(
     Ok(checkpoints)
 }
 
-fn held_by(subject: &Subject) -> BTreeMap<String, Held> {
-    let held = |role: Role| {
-        let process_id = subject.process(role)?;
-        let status = fs::read_to_string(format!("/proc/{process_id}/status")).ok()?;
-        let files = fs::read_dir(format!("/proc/{process_id}/fd")).ok()?.count();
-        let held = Held {
-            memory_kib: resident_kib(&status)?,
-            files: files as u64,
-        };
-        Some((role.name().to_owned(), held))
-    };
-    Role::ALL.into_iter().filter_map(held).collect()
+fn held_by(subject: &Subject, role: Role) -> Option<Held> {
+    let process_id = subject.process(role)?;
+    let status = fs::read_to_string(format!("/proc/{process_id}/status")).ok()?;
+    let files = fs::read_dir(format!("/proc/{process_id}/fd")).ok()?.count();
+    Some(Held {
+        memory_kib: resident_kib(&status)?,
+        files: files as u64,
+    })
 }
 
 /// Of the text of `/proc/PID/status`.
