@@ -382,31 +382,38 @@ fn a_soft_gears_windup_is_no_gear_ratio() {
 
 #[test]
 fn swapped_joints_are_named() {
-    let mut recording = whole();
-    let [a, b, _] = &mut recording.joints[..] else {
-        panic!("three joints")
-    };
-    for signal in [Signal::MotorPositionRad, Signal::MotorVelocityRadS] {
-        let (of_a, of_b) = (
-            a.signals.get_mut(&signal).unwrap(),
-            b.signals.get_mut(&signal).unwrap(),
-        );
-        std::mem::swap(of_a, of_b);
+    let positions = [Signal::MotorPositionRad, Signal::MotorVelocityRadS];
+    let torques = [Signal::MotorTorqueNm];
+    for signals in [&positions[..], &torques] {
+        let mut recording = whole();
+        let [a, b, _] = &mut recording.joints[..] else {
+            panic!("three joints")
+        };
+        // as a drive reports what it was told
+        for joint in [&mut *a, &mut *b] {
+            let torque_nm = joint.signals[&Signal::MotorTorqueNm].clone();
+            joint.signals.insert(Signal::CommandTorqueNm, torque_nm);
+        }
+        for signal in signals {
+            let (of_a, of_b) = (
+                a.signals.get_mut(signal).unwrap(),
+                b.signals.get_mut(signal).unwrap(),
+            );
+            std::mem::swap(of_a, of_b);
+        }
+        let findings = serious(check(&recording, None));
+        let swapped: Vec<_> = findings
+            .iter()
+            .filter(|finding| finding.kind == FindingKind::SwappedJoints)
+            .collect();
+        // neither of the two is diagnosed
+        assert_eq!(swapped.len(), 2, "{findings:#?}");
+        for (finding, other) in swapped.iter().zip(["b", "a"]) {
+            let remedy = format!("exchange the columns with those of [joint.{other}]");
+            assert!(finding.to_string().contains(&remedy), "{finding}");
+            assert_eq!(finding.signal, Some(signals[0]));
+        }
     }
-    let findings = serious(check(&recording, None));
-    let swapped: Vec<_> = findings
-        .iter()
-        .filter(|finding| finding.kind == FindingKind::SwappedJoints)
-        .collect();
-    assert_eq!(swapped.len(), 1, "{findings:#?}");
-    assert!(
-        swapped[0]
-            .to_string()
-            .contains("exchange the columns with those of [joint.b]"),
-        "{}",
-        swapped[0]
-    );
-    assert_eq!(swapped[0].signal, Some(Signal::MotorPositionRad));
 }
 
 #[test]

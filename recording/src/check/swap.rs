@@ -11,15 +11,20 @@ const OTHERS: f64 = 0.98;
 
 /// For each pair of joints, the first pair of signals that shows it.
 pub(super) fn check(recording: &Recording) -> Vec<Finding> {
-    use Signal::{LinkPositionRad, MotorPositionRad, ReferencePositionRad};
+    use Signal::{
+        CommandTorqueNm, LinkPositionRad, MotorPositionRad, MotorTorqueNm, ReferencePositionRad,
+    };
     let pairs = [
         (LinkPositionRad, MotorPositionRad),
         (ReferencePositionRad, LinkPositionRad),
         (ReferencePositionRad, MotorPositionRad),
+        (CommandTorqueNm, MotorTorqueNm),
     ];
     let mut findings: Vec<Finding> = Vec::new();
     for (kept, swapped) in pairs {
-        for (a, b) in swapped_joints(recording, kept, swapped) {
+        let found = swapped_joints(recording, kept, swapped).into_iter();
+        // neither of the two is to be diagnosed
+        for (a, b) in found.flat_map(|(a, b)| [(a, b), (b, a)]) {
             let (first, second) = (&recording.joints[a], &recording.joints[b]);
             if findings
                 .iter()
