@@ -147,12 +147,8 @@ fn fitted(
     if nats < NATS_MIN || said.otherwise > OTHERWISE || chain.fraction < LOST_MIN {
         return None;
     }
-    if is_slow_loop(
-        columns,
-        [first, last],
-        responses[0].period_s(),
-        said.log_likelihood,
-    ) {
+    let rows = [first, last];
+    if is_slow_loop(columns, rows, response.period_s(), said.log_likelihood) {
         return None;
     }
     let std = chain.std(&answers, said.log_likelihood);
@@ -177,14 +173,18 @@ fn is_slow_loop(
         let answers = Answers::lagged(columns, row, (-period_s / lag_s).exp())?;
         Some((Chain::of(&answers, 0.0).variance, lag_s, row))
     };
+    // a variance, a time constant and a delay
+    let less = |a: (f64, f64, usize), b: (f64, f64, usize)| if b.0 < a.0 { b } else { a };
     let mut best = (f64::INFINITY, SLOW_LAG_S, first_row);
     for (factor, steps) in SLOWER {
         let (_, about_s, row) = best;
         let lags_s = steps.map(|k| about_s * f64::powi(factor, k));
-        let lags = lags_s.filter_map(|lag_s| lagged(lag_s, row));
-        best = lags.fold(best, better);
-        let rows = (first_row..=last_row).filter_map(|row| lagged(best.1, row));
-        best = rows.fold(best, better);
+        best = lags_s
+            .filter_map(|lag_s| lagged(lag_s, row))
+            .fold(best, less);
+        let (_, lag_s, _) = best;
+        let rows = first_row..=last_row;
+        best = rows.filter_map(|row| lagged(lag_s, row)).fold(best, less);
     }
     let (_, lag_s, row) = best;
     let answers = Answers::lagged(columns, row, (-period_s / lag_s).exp());
@@ -192,11 +192,6 @@ fn is_slow_loop(
         let (_, said) = Chain::of(&answers, 0.0).fitted(&answers, ROUNDS);
         log_likelihood - said.log_likelihood < NATS_MIN
     })
-}
-
-/// What leaves less, of a variance with a time constant and a delay.
-fn better(a: (f64, f64, usize), b: (f64, f64, usize)) -> (f64, f64, usize) {
-    if b.0 < a.0 { b } else { a }
 }
 
 /// Torques beside what a response makes of their commands.
