@@ -318,6 +318,25 @@ fn lost_motion_is_no_gear_ratio() {
 }
 
 #[test]
+fn a_gap_that_gravity_holds_open_is_no_gear_ratio() {
+    let (_, ratio, _) = JOINTS[1];
+    let mut recording = whole();
+    let times_s = recording.time_s.clone();
+    let link_rad = times_s.iter().map(|time_s| 0.6 * (3.0 * time_s).sin());
+    let link_rad: Vec<f64> = link_rad.collect();
+    // the load is on one side of the gap where the joint is on one side of the vertical
+    let motor_rad = link_rad
+        .iter()
+        .map(|link_rad| ratio * (link_rad + 0.01 * link_rad.signum()));
+    let motor_rad: Vec<f64> = motor_rad.collect();
+    *column(&mut recording, 1, Signal::LinkPositionRad) = link_rad;
+    *column(&mut recording, 1, Signal::MotorPositionRad) = motor_rad;
+    let findings = check(&recording, Some(&robot()));
+    let is_ratio = |finding: &Finding| finding.kind == FindingKind::WrongGearRatio;
+    assert!(!findings.iter().any(is_ratio), "{findings:#?}");
+}
+
+#[test]
 fn a_joint_that_lags_behind_its_reference_is_no_gear_ratio() {
     let (_, ratio, _) = JOINTS[1];
     let alone = |moved: &dyn Fn(&[f64]) -> Vec<f64>| {

@@ -175,6 +175,14 @@ pub fn check(recording: &Recording, robot: Option<&CheckRobot>) -> Vec<Finding> 
 }
 
 impl Finding {
+    /// Whether it is about where a joint is, as one of its encoders shows it: what the other joints carry depends on that.
+    #[must_use]
+    pub fn is_of_position(&self) -> bool {
+        let positions = [Signal::MotorPositionRad, Signal::LinkPositionRad];
+        self.signal
+            .is_some_and(|signal| positions.contains(&signal))
+    }
+
     /// What it is and what to change, without where it is.
     #[must_use]
     pub fn told(&self) -> String {

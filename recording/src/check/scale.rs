@@ -12,8 +12,9 @@ pub(super) const SAME: f64 = 0.95;
 /// A joint moves this part of what its reference does, where it hardly follows.
 const BARELY_FOLLOWS: Range<f64> = 0.02..0.6;
 /// A wrong factor keeps two positions on a straight line. Lost motion or a joint that lags behind its reference does not: what
-/// they change scatters by more than this part of what it tilts.
-const STRAIGHT: f64 = 0.5;
+/// they change scatters by more than this part of what it tilts. A gap that gravity holds open, a square wave in phase with a
+/// sine, scatters by 0.48 of it.
+const STRAIGHT: f64 = 0.4;
 /// Time over which a velocity is taken from positions.
 const BLOCK_S: f64 = 0.1;
 const BLOCK_ROWS: usize = 5;

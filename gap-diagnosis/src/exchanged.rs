@@ -1,0 +1,171 @@
+//! Joints recorded under each other's names: the file's masses carry less of what they are said to carry than of what the other
+//! is.
+//!
+//! Friction and the gap that is looked for are no reason to think so: only what the rigid bodies do along the whole arm's motion
+//! tells one joint from another, and an exchange must make that right for both at once.
+
+use nalgebra::{Matrix2, Vector2};
+use recording::{Finding, FindingKind, Recording, Severity};
+use robot::Robot;
+
+use crate::stretch::{Stretch, stretches};
+
+/// Rate at which this is looked at: what rigid bodies do is slow.
+const RATE_HZ: f64 = 50.0;
+/// A joint slower than this part of its root mean square velocity may stick.
+const MOVES: f64 = 0.5;
+/// Fewer rows than this tell nothing.
+const ROWS_MIN: usize = 100;
+/// The rigid bodies leave this part of a joint's torque, as squares, where it may be another's.
+const OWN: f64 = 0.4;
+/// Below this part left no twin of a tolerance is told from a better one.
+const RIGHT: f64 = 0.01;
+/// Natural logarithm of the factor by which an exchange must let the rigid bodies leave less, over all joints.
+const GAIN: f64 = 2.0;
+/// Part of that by which any one joint may be worse.
+const WORSE: f64 = 0.1;
+
+/// The two joints that fit the file's masses better under each other's names, if any do.
+pub(crate) fn check(robot: &Robot, recording: &Recording) -> Option<Finding> {
+    let thinned = thinned(recording);
+    let before = parts(robot, &thinned)?;
+    let joints = 0..robot.joints.len();
+    let pairs = joints.flat_map(|a| (0..a).map(move |b| [b, a]));
+    let doubtful = pairs.filter(|pair| pair.iter().any(|joint| before[*joint] > OWN));
+    let tried = doubtful.filter_map(|pair| {
+        let after = parts(robot, &exchanged(robot, &thinned, pair)?)?;
+        Some((pair, gain(&before, &after)?, after))
+    });
+    let (pair, gain, after) = tried.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let [first, second] = pair.map(|joint| &robot.joints[joint].name);
+    let what = format!(
+        "{first} and {second} are recorded under each other's names: the file's masses leave {:.2} and {:.2} of the squares of \
+         their torques beyond friction, but {:.2} and {:.2} with the two exchanged",
+        before[pair[0]], before[pair[1]], after[pair[0]], after[pair[1]],
+    );
+    Some(Finding {
+        severity: Severity::Error,
+        kind: FindingKind::SwappedJoints,
+        joint: None,
+        signal: None,
+        what,
+        value: Some(gain),
+        remedy: format!("exchange all columns of {first} with those of {second}"),
+    })
+}
+
+/// By how much an exchange lets the rigid bodies leave less, if it is believed.
+fn gain(before: &[f64], after: &[f64]) -> Option<f64> {
+    let each: Vec<f64> = before
+        .iter()
+        .zip(after)
+        .map(|(b, a)| (b / a).ln())
+        .collect();
+    let gain: f64 = each.iter().sum();
+    (gain > GAIN && each.iter().all(|own| *own > -WORSE * gain)).then_some(gain)
+}
+
+/// Rows at about [`RATE_HZ`].
+fn thinned(recording: &Recording) -> Recording {
+    let every = ((recording.sample_rate_hz / RATE_HZ) as usize).max(1);
+    let mut thinned = recording.clone();
+    thinned.time_s = recording.time_s.iter().copied().step_by(every).collect();
+    thinned.segment = recording
+        .segment
+        .as_ref()
+        .map(|segment| segment.iter().copied().step_by(every).collect());
+    thinned.sample_rate_hz = recording.sample_rate_hz / every as f64;
+    for joint in &mut thinned.joints {
+        for values in joint.signals.values_mut() {
+            *values = values.iter().copied().step_by(every).collect();
+        }
+    }
+    thinned
+}
+
+/// The recording with the signals of two joints under each other's names.
+fn exchanged(robot: &Robot, recording: &Recording, pair: [usize; 2]) -> Option<Recording> {
+    let place = |joint: usize| {
+        let name = &robot.joints[joint].name;
+        recording.joints.iter().position(|of| of.name == *name)
+    };
+    let (a, b) = (place(pair[0])?, place(pair[1])?);
+    let mut exchanged = recording.clone();
+    exchanged.joints[a].signals = recording.joints[b].signals.clone();
+    exchanged.joints[b].signals = recording.joints[a].signals.clone();
+    Some(exchanged)
+}
+
+/// Of each joint, what the rigid bodies leave of the squares of its torque beyond friction; all of it where that is not known.
+fn parts(robot: &Robot, recording: &Recording) -> Option<Vec<f64>> {
+    let stretches = stretches(&[recording], robot).ok()?;
+    let joints = 0..robot.joints.len();
+    Some(joints.map(|joint| part(robot, joint, &stretches)).collect())
+}
+
+/// One joint's row: direction and velocity, torque, and what the rigid bodies make of it.
+struct Row {
+    friction: Vector2<f64>,
+    torque_nm: f64,
+    rigid_nm: f64,
+}
+
+fn part(robot: &Robot, joint: usize, stretches: &[Stretch]) -> f64 {
+    let rows: Vec<Row> = stretches
+        .iter()
+        .flat_map(|stretch| rows(robot, joint, stretch))
+        .collect();
+    let square = rows.iter().map(|row| row.friction.y.powi(2)).sum::<f64>();
+    let moves_rad_s = MOVES * (square / rows.len().max(1) as f64).sqrt();
+    let moving: Vec<&Row> = rows
+        .iter()
+        .filter(|row| row.friction.y.abs() > moves_rad_s)
+        .collect();
+    if moving.len() < ROWS_MIN {
+        return 1.0;
+    }
+    let all = beyond_friction(&moving, |row| row.torque_nm);
+    let left = beyond_friction(&moving, |row| row.torque_nm - row.rigid_nm);
+    match (all, left) {
+        (Some(all), Some(left)) if all > 0.0 => (left / all).max(RIGHT),
+        _ => 1.0,
+    }
+}
+
+fn rows(robot: &Robot, joint: usize, stretch: &Stretch) -> Vec<Row> {
+    let Some(of_joint) = &stretch.joints[joint] else {
+        return Vec::new();
+    };
+    let file = &robot.joints[joint];
+    let rotor_kg_m2 = file.rotor_inertia_kg_m2 * file.gear_ratio.powi(2);
+    let load = &of_joint.load;
+    let acceleration_rad_s2 = stretch.motion.acceleration_rad_s2(joint);
+    let whole = (0..of_joint.samples()).filter(|k| of_joint.is_whole[*k]);
+    whole
+        .map(|k| {
+            let velocity_rad_s = load.velocity_rad_s[k];
+            let inertia_kg_m2 = rotor_kg_m2 + load.inertia_kg_m2[k];
+            Row {
+                friction: Vector2::new(velocity_rad_s.signum(), velocity_rad_s),
+                torque_nm: of_joint.torque_nm[k],
+                rigid_nm: load.torque_nm[k] + inertia_kg_m2 * acceleration_rad_s2[k],
+            }
+        })
+        .collect()
+}
+
+/// Squares that friction of any level and slope leaves.
+fn beyond_friction(rows: &[&Row], torque_nm: impl Fn(&Row) -> f64) -> Option<f64> {
+    let mut information = Matrix2::zeros();
+    let mut vector = Vector2::zeros();
+    for row in rows {
+        information += row.friction * row.friction.transpose();
+        vector += row.friction * torque_nm(row);
+    }
+    let law = information.try_inverse()? * vector;
+    let left = rows
+        .iter()
+        .map(|row| (torque_nm(row) - row.friction.dot(&law)).powi(2));
+    let left: f64 = left.sum();
+    left.is_finite().then_some(left)
+}
