@@ -3,6 +3,7 @@
 use recording::{CheckJoint, CheckRobot, Finding, FindingKind, Recording, Severity, check};
 use robot::{Effect, Robot, RobotJoint};
 
+use crate::exchanged;
 use crate::known::Known;
 use crate::refine::Refined;
 use crate::report::DataFinding;
@@ -15,8 +16,24 @@ const ZERO_TOLD_RAD: f64 = 5e-4;
 /// Standard errors that both must be.
 const TOLD_ERRORS: f64 = 3.0;
 
+/// What is wrong with a recording as one of this robot, or missing, worst first.
+pub fn findings(robot: &Robot, recording: &Recording) -> Vec<Finding> {
+    let mut findings = check(recording, Some(&check_robot(robot)));
+    // positions that are wrong let any joint seem to be another
+    let is_wrong = |finding: &Finding| {
+        finding.kind == FindingKind::SwappedJoints
+            || finding.severity == Severity::Error && finding.is_of_position()
+    };
+    if !findings.iter().any(is_wrong)
+        && let Some(finding) = exchanged::check(robot, recording)
+    {
+        findings.insert(0, finding);
+    }
+    findings
+}
+
 /// What the checks need to know of a robot.
-pub fn check_robot(robot: &Robot) -> CheckRobot {
+fn check_robot(robot: &Robot) -> CheckRobot {
     CheckRobot {
         name: robot.name.clone(),
         joints: robot.joints.iter().map(check_joint).collect(),
@@ -47,32 +64,34 @@ pub(crate) struct Checked {
 
 impl Checked {
     pub fn of(robot: &Robot, recordings: &[&Recording]) -> Self {
-        let known = check_robot(robot);
-        let mut findings: Vec<Finding> = Vec::new();
+        let mut all: Vec<Finding> = Vec::new();
         for recording in recordings {
-            for finding in check(recording, Some(&known)) {
-                if !findings.contains(&finding) {
-                    findings.push(finding);
+            for finding in findings(robot, recording) {
+                if !all.contains(&finding) {
+                    all.push(finding);
                 }
             }
         }
-        findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
-        Self { findings }
+        all.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
+        Self { findings: all }
     }
 
     /// Why nothing can be said about a joint, if so.
     pub fn against(&self, joint: &str) -> Option<String> {
-        let concerns = |finding: &&Finding| {
+        let is_on = |finding: &&Finding| {
             finding.joint.as_deref().is_none_or(|name| name == joint)
                 && (finding.severity == Severity::Error
                     || (finding.kind == FindingKind::NoMotion && finding.joint.is_some()))
         };
-        let finding = self.findings.iter().find(concerns)?;
-        Some(if finding.remedy.is_empty() {
-            finding.what.clone()
-        } else {
-            format!("{}; {}", finding.what, finding.remedy)
-        })
+        if let Some(finding) = self.findings.iter().find(is_on) {
+            return Some(finding.told());
+        }
+        let is_wrong_position =
+            |finding: &&Finding| finding.severity == Severity::Error && finding.is_of_position();
+        let elsewhere = self.findings.iter().find(is_wrong_position)?;
+        Some(format!(
+            "what it carries depends on where the other joints are: {elsewhere}"
+        ))
     }
 
     /// Whether the joint moves at one speed only, in one direction, or at one frequency.

@@ -169,3 +169,88 @@ fn beyond_friction(rows: &[&Row], torque_nm: impl Fn(&Row) -> f64) -> Option<f64
     let left: f64 = left.sum();
     left.is_finite().then_some(left)
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+mod tests {
+    use super::*;
+    use recording::{JointColumns, Signal};
+
+    /// Every joint of an arm swings at its own frequencies; joint `heavier` carries more than its file says.
+    fn swinging(robot: &Robot, heavier: Option<usize>) -> Recording {
+        let count = robot.joints.len();
+        let rows = 600;
+        let mut columns = vec![[vec![0.0; rows], vec![0.0; rows]]; count];
+        let mut rigid_nm = vec![0.0; count];
+        let time_s: Vec<f64> = (0..rows).map(|k| k as f64 / 50.0).collect();
+        for (k, time_s) in time_s.iter().enumerate() {
+            let [mut position, mut velocity, mut acceleration] = [0; 3].map(|_| vec![0.0; count]);
+            for joint in 0..count {
+                for (part, rate_rad_s) in [0.9, 2.3].iter().enumerate() {
+                    let rate_rad_s = rate_rad_s * (1.0 + 0.13 * joint as f64);
+                    let size_rad = 0.5 / (1.0 + 2.0 * part as f64);
+                    let (sin, cos) = (rate_rad_s * time_s + joint as f64).sin_cos();
+                    position[joint] += size_rad * sin;
+                    velocity[joint] += size_rad * rate_rad_s * cos;
+                    acceleration[joint] -= size_rad * rate_rad_s * rate_rad_s * sin;
+                }
+            }
+            let chain = &robot.chain;
+            chain.inverse_dynamics(&position, &velocity, &acceleration, &mut rigid_nm);
+            for (joint, file) in robot.joints.iter().enumerate() {
+                let rotor_kg_m2 = file.rotor_inertia_kg_m2 * file.gear_ratio.powi(2);
+                let friction_nm = 4.0 * velocity[joint].signum() + 3.0 * velocity[joint];
+                let more = if heavier == Some(joint) { 1.6 } else { 1.0 };
+                let torque_nm =
+                    more * rigid_nm[joint] + rotor_kg_m2 * acceleration[joint] + friction_nm;
+                columns[joint][0][k] = file.gear_ratio * position[joint];
+                columns[joint][1][k] = torque_nm / file.gear_ratio;
+            }
+        }
+        let of_joint = |([angle_rad, torque_nm], file): ([Vec<f64>; 2], &robot::RobotJoint)| {
+            let signals = [
+                (Signal::MotorPositionRad, angle_rad),
+                (Signal::MotorTorqueNm, torque_nm),
+            ];
+            JointColumns {
+                name: file.name.clone(),
+                signals: signals.into(),
+            }
+        };
+        Recording {
+            time_s,
+            segment: None,
+            joints: columns
+                .into_iter()
+                .zip(&robot.joints)
+                .map(of_joint)
+                .collect(),
+            sample_rate_hz: 50.0,
+            metadata: Default::default(),
+            truncated: false,
+        }
+    }
+
+    #[test]
+    fn joints_that_carry_something_are_told_by_it() {
+        let robot = robot::load("pa10").unwrap();
+        let honest = swinging(&robot, None);
+        assert_eq!(check(&robot, &honest), None);
+        for pair in [[1, 3], [0, 5]] {
+            let recording = exchanged(&robot, &honest, pair).unwrap();
+            let finding = check(&robot, &recording).unwrap();
+            assert_eq!(finding.kind, FindingKind::SwappedJoints);
+            let names = pair.map(|joint| robot.joints[joint].name.as_str());
+            let both = format!("{} and {} are", names[0], names[1]);
+            assert!(finding.what.starts_with(&both), "{finding}");
+        }
+    }
+
+    #[test]
+    fn a_gap_is_no_exchange() {
+        let robot = robot::load("pa10").unwrap();
+        for heavier in [1, 3] {
+            assert_eq!(check(&robot, &swinging(&robot, Some(heavier))), None);
+        }
+    }
+}

@@ -9,6 +9,7 @@ pub mod data;
 pub mod diagnose;
 mod elastic;
 pub mod evidence;
+mod exchanged;
 pub mod explain;
 pub mod fit;
 mod follow;

@@ -4,6 +4,7 @@
 //! Shares are of the gap's energy above the noise floor. SI units, joint side unless a name says motor.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
@@ -64,6 +65,17 @@ pub struct DataFinding {
     pub what: String,
     /// What to change; empty where there is nothing to change.
     pub remedy: String,
+}
+
+impl fmt::Display for DataFinding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let on = self.joint.as_deref().unwrap_or("the recording");
+        write!(f, "{on}: {}", self.what)?;
+        match self.remedy.as_str() {
+            "" => Ok(()),
+            remedy => write!(f, "; {remedy}"),
+        }
+    }
 }
 
 impl DataFinding {

@@ -58,8 +58,7 @@ fn nothing_to_say(report: &Report) -> Option<String> {
         .iter()
         .all(|joint| joint.verdict == Verdict::InsufficientData);
     let worst = report.data.first().filter(|_| all)?;
-    let on = worst.joint.as_deref().unwrap_or("the recording");
-    Some(format!("{on}: {}: {}", worst.what, worst.remedy))
+    Some(worst.to_string())
 }
 
 fn summary(report: &Report, out: Option<&Path>) -> String {
@@ -79,12 +78,7 @@ fn summary(report: &Report, out: Option<&Path>) -> String {
     }
     let _ = writeln!(text, "{rows}");
     for finding in &report.data {
-        let on = finding.joint.as_deref().unwrap_or("all joints");
-        let _ = writeln!(
-            text,
-            "{}: {on}: {} {}",
-            finding.severity, finding.what, finding.remedy
-        );
+        let _ = writeln!(text, "{}: {finding}", finding.severity);
     }
     if let Some(folder) = out {
         let _ = writeln!(text, "report: {}", folder.join("report.html").display());

@@ -11,7 +11,7 @@ use super::read;
 use crate::cli::RecordingInfoArguments;
 use crate::error::CliError;
 use crate::output::{print, write_json};
-use gap_diagnosis::data::check_robot;
+use gap_diagnosis::data::findings;
 
 /// One recording, for programs.
 #[derive(Serialize)]
@@ -29,7 +29,7 @@ struct Described {
 /// [`CliError::Input`] if one cannot be read, [`CliError::Negative`] if one does not fit the robot.
 pub fn info(arguments: &RecordingInfoArguments) -> Result<(), CliError> {
     let robot = match &arguments.robot {
-        Some(name) => Some(check_robot(&robot::load(name).map_err(CliError::input)?)),
+        Some(name) => Some(robot::load(name).map_err(CliError::input)?),
         None => None,
     };
     let mut all = Vec::new();
@@ -39,7 +39,9 @@ pub fn info(arguments: &RecordingInfoArguments) -> Result<(), CliError> {
             schema: 1,
             file: file.clone(),
             info: describe(&table),
-            findings: check(&table, robot.as_ref()),
+            findings: robot
+                .as_ref()
+                .map_or_else(|| check(&table, None), |robot| findings(robot, &table)),
         });
     }
     let to_standard_output = arguments.json.as_deref() == Some(Path::new("-"));

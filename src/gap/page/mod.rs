@@ -315,10 +315,7 @@ fn data(report: &Report) -> Section {
             format!("{} s", number(report.compute_seconds, 3)),
         ),
     ];
-    let findings = report.data.iter().map(|finding| {
-        let on = finding.joint.as_deref().unwrap_or("all joints");
-        format!("{on}: {} {}", finding.what, finding.remedy)
-    });
+    let findings = report.data.iter().map(ToString::to_string);
     Section::new("data", "The data")
         .definitions(facts)
         .list(findings)

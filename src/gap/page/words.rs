@@ -137,10 +137,7 @@ pub fn next_steps(report: &Report) -> Vec<String> {
     let mut steps = Vec::new();
     for finding in &report.data {
         if finding.severity == "error" && !finding.remedy.is_empty() {
-            steps.push(format!(
-                "Mend the data first: {} {}",
-                finding.what, finding.remedy
-            ));
+            steps.push(format!("Mend the data first: {finding}"));
         }
     }
     let named = report.joints.iter().any(|joint| !joint.effects.is_empty());
