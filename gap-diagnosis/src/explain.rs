@@ -9,6 +9,7 @@ use crate::judge::shrink_alone;
 use crate::rank::Round;
 use crate::refine::Refined;
 use crate::search::{Model, Search, Term, strain};
+use crate::shapes::PUSHES_OVER;
 use crate::step::{Refitted, Step, TWIST, is_beyond};
 use crate::trust::Trust;
 
@@ -263,9 +264,14 @@ impl Growing<'_, '_> {
         Ok(true)
     }
 
-    /// Whether a torque of no named law is left.
+    /// Whether a torque of no named law is left that an effect may be: pushes at a few moments are none.
     fn is_left(&self, without: &Refined) -> bool {
-        remains(&self.last.structure, self.named_gain(without)) != Remains::Nothing
+        let structure = self.last.structure.iter();
+        let lasting: Vec<_> = structure
+            .filter(|(over, _)| *over != PUSHES_OVER)
+            .copied()
+            .collect();
+        remains(&lasting, self.named_gain(without)) != Remains::Nothing
     }
 
     /// Whether the known values had to move further than their tolerances let all of them together: they stand in for an

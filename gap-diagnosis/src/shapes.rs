@@ -27,6 +27,14 @@ const MOTION_HARMONICS: i32 = 3;
 const PRIOR_STEP: f64 = 2.5;
 const PRIORS: i32 = 14;
 
+/// Pushes last one of these, are looked for on a grid of half that, and are at most so many.
+const PUSH_S: [f64; 3] = [0.15, 0.3, 0.6];
+const PUSHES: usize = 6;
+/// Below this part of the root mean square velocity a joint may stick or turn round, and friction is nobody's law.
+const PUSHED_MOVING: f64 = 0.2;
+/// The variable of pushes at a few moments, in words.
+pub const PUSHES_OVER: &str = "time, as pushes";
+
 /// Torques over one variable.
 #[derive(Clone, Debug)]
 pub struct Family {
@@ -75,6 +83,7 @@ pub fn families(twin: &JointTwin<'_>, residual_nm: &[f64]) -> Vec<Family> {
         add("motion of the other joints", others);
     }
     all.extend(vibration(rows, residual_nm));
+    all.extend(pushes(rows, residual_nm));
     all
 }
 
@@ -233,6 +242,103 @@ fn travelled(rows: &[Row]) -> Vec<f64> {
     travelled
 }
 
+/// A time in which a joint moves one way.
+#[derive(Clone, Copy, Debug)]
+struct Moment {
+    stretch: usize,
+    from_s: f64,
+    to_s: f64,
+    /// What constant torque takes off the squares of a residual.
+    square: f64,
+}
+
+impl Moment {
+    fn holds(&self, row: &Row) -> bool {
+        row.stretch == self.stretch && (self.from_s..self.to_s).contains(&row.time_s)
+    }
+
+    fn meets(&self, other: &Self) -> bool {
+        self.stretch == other.stretch && self.from_s < other.to_s && other.from_s < self.to_s
+    }
+}
+
+/// Constant torques in the few moments in which most is left, one family for each number of them. They are the best of as many
+/// as there are ways to choose them.
+fn pushes(rows: &[Row], residual_nm: &[f64]) -> Vec<Family> {
+    let mut moments = moments(rows, residual_nm);
+    let among = moments.len() as f64;
+    moments.sort_by(|a, b| b.square.total_cmp(&a.square));
+    let mut chosen: Vec<Moment> = Vec::new();
+    for moment in moments {
+        if chosen.len() < PUSHES && !chosen.iter().any(|other| other.meets(&moment)) {
+            chosen.push(moment);
+        }
+    }
+    let column = |moment: &Moment| -> Vec<f64> {
+        let is_in = rows.iter().map(|row| f64::from(moment.holds(row)));
+        is_in.collect()
+    };
+    let columns: Vec<Vec<f64>> = chosen.iter().map(column).collect();
+    let mut tried = 1.0;
+    (1..=columns.len())
+        .map(|count| {
+            tried *= among / count as f64;
+            Family {
+                over: PUSHES_OVER,
+                columns: columns[..count].to_vec(),
+                tried,
+            }
+        })
+        .collect()
+}
+
+/// Every time of one of the lengths in which a joint moves one way throughout.
+fn moments(rows: &[Row], residual_nm: &[f64]) -> Vec<Moment> {
+    let motor: Vec<(&Row, f64)> = rows
+        .iter()
+        .zip(residual_nm.iter().copied())
+        .filter(|(row, _)| row.channel == Channel::Motor)
+        .collect();
+    let square = motor.iter().map(|(row, _)| row.velocity_rad_s.powi(2));
+    let moving_rad_s = PUSHED_MOVING * (square.sum::<f64>() / motor.len().max(1) as f64).sqrt();
+    let mut all = Vec::new();
+    for length_s in PUSH_S {
+        let place = |row: &Row| (row.stretch, (2.0 * row.time_s / length_s).floor() as i64);
+        let mut start = 0;
+        while start < motor.len() {
+            let (first, _) = motor[start];
+            let (stretch, step) = place(first);
+            let from_s = 0.5 * length_s * step as f64;
+            let mut moment = Moment {
+                stretch,
+                from_s,
+                to_s: from_s + length_s,
+                square: 0.0,
+            };
+            let inside = || {
+                motor[start..]
+                    .iter()
+                    .take_while(|(row, _)| moment.holds(row))
+            };
+            let (mut sum_nm, mut count) = (0.0, 0.0);
+            for (_, left_nm) in inside() {
+                sum_nm += left_nm;
+                count += 1.0;
+            }
+            let way = first.velocity_rad_s.signum();
+            let moves = inside().all(|(row, _)| way * row.velocity_rad_s > moving_rad_s);
+            if moves {
+                moment.square = sum_nm * sum_nm / f64::max(count, 1.0);
+                all.push(moment);
+            }
+            let begins = |(row, _): &(&Row, f64)| place(row) != (stretch, step);
+            let next = motor[start..].iter().position(begins);
+            start = next.map_or(motor.len(), |ahead| start + ahead);
+        }
+    }
+    all
+}
+
 /// Sine and cosine over time at the frequency at which the residual of the motor's channel is strongest.
 fn vibration(rows: &[Row], residual_nm: &[f64]) -> Option<Family> {
     strongest_hz(rows, residual_nm, VIBRATION_HZ).map(|found| waves(rows, found))
@@ -344,6 +450,41 @@ mod tests {
         }
         // nor with another joint's
         assert!(foreign_vibration(&rows, &at(4.693), &[at(1.2), at(4.693)]).is_none());
+    }
+
+    #[test]
+    fn pushes_are_found_where_they_are_and_not_where_the_joint_turns() {
+        let rows: Vec<Row> = (0..1800)
+            .map(|k| {
+                let time_s = f64::from(k) / 60.0;
+                Row {
+                    velocity_rad_s: (TAU * 0.25 * time_s).sin(),
+                    ..Row::at_rest(time_s)
+                }
+            })
+            .collect();
+        // while the joint moves, and once where it turns round
+        let pushed_s = [(4.5, 5.1), (10.8, 11.4), (15.8, 16.2)];
+        let is_pushed = |row: &Row| {
+            let mut pushes = pushed_s.iter();
+            pushes.any(|(from_s, to_s)| (*from_s..*to_s).contains(&row.time_s))
+        };
+        let residual_nm: Vec<f64> = rows.iter().map(|row| f64::from(is_pushed(row))).collect();
+        let families = pushes(&rows, &residual_nm);
+        assert_eq!(families.len(), PUSHES);
+        assert!(families.iter().all(|of| of.over == PUSHES_OVER));
+        let two = &families[1].columns;
+        for column in two {
+            let inside = rows.iter().zip(column).filter(|(_, value)| **value > 0.0);
+            let (mut count, mut within) = (0, 0);
+            for (row, _) in inside {
+                count += 1;
+                within += usize::from(is_pushed(row) && !(15.0..17.0).contains(&row.time_s));
+            }
+            assert_eq!(count, within);
+            assert!(count >= 30, "{count}");
+        }
+        assert!(families[1].tried > families[0].tried);
     }
 
     #[test]
