@@ -132,10 +132,38 @@ fn cost(ranking: &Ranking, hypothesis: &Hypothesis) -> f64 {
     if is_twist && ranking.joints > 1 {
         beside += OTHERS_TWIST;
     }
+    naming(hypothesis.amplitudes() + hypothesis.shape.len())
+        + beside
+        + cost_in_file(ranking, hypothesis)
+}
+
+/// The part of it for a law that the robot file has already.
+pub(crate) fn cost_in_file(ranking: &Ranking, hypothesis: &Hypothesis) -> f64 {
     if ranking.is_in_file(hypothesis) {
-        beside += IN_FILE;
+        IN_FILE
+    } else {
+        0.0
     }
-    naming(hypothesis.amplitudes() + hypothesis.shape.len()) + beside
+}
+
+/// Lets other effects owe what a law of the file costs once it is worth that: its cost is a doubt about the twin, and a gap that
+/// outweighs the doubt is one whatever it is called. What leaves less even so does not owe it.
+///
+/// Of each effect the cost, what it is worth, and what it is worth with its size in doubt.
+fn owe(costs_in_file: &[f64], all: &mut [[f64; 2]]) {
+    let paid = (0..all.len()).filter(|k| costs_in_file[*k] > 0.0 && all[*k][1] > 0.0);
+    let Some(best) = paid.max_by(|a, b| all[*a][0].total_cmp(&all[*b][0])) else {
+        return;
+    };
+    let cost = costs_in_file[best];
+    let without_cost = all[best][0] + cost;
+    for (values, own) in all.iter_mut().zip(costs_in_file) {
+        if values[0] + own < without_cost {
+            for value in values {
+                *value -= cost - own;
+            }
+        }
+    }
 }
 
 /// What a model with these effects is worth that leaves so much, beside one without them: `variance` as of
@@ -277,7 +305,12 @@ impl Standings {
                 .map_or(f64::INFINITY, |square| most_worth(square, cost));
             [worth, worth.min(most)]
         };
-        let all: Vec<[f64; 2]> = simulated.iter().map(values).collect();
+        let mut all: Vec<[f64; 2]> = simulated.iter().map(values).collect();
+        let costs_in_file: Vec<f64> = simulated
+            .iter()
+            .map(|simulated| cost_in_file(ranking, &ranking.scored[simulated.index].hypothesis))
+            .collect();
+        owe(&costs_in_file, &mut all);
         let mut simulated: Vec<(usize, f64, f64)> = simulated
             .iter()
             .zip(decided(&all))
@@ -393,6 +426,21 @@ mod tests {
         // what leaves decisively less stays ahead of what is surer of its size
         assert_eq!(of([[500.0, 20.0], [380.0, 380.0]]), [20.0, -10.0]);
         assert_eq!(of([[500.0, 20.0], [480.0, 480.0]]), [20.0, 480.0]);
+    }
+
+    #[test]
+    fn a_law_of_the_file_that_is_worth_its_cost_lets_what_is_worse_owe_it() {
+        let costs = [35.0, 0.0, 0.0];
+        let of = |mut all: [[f64; 2]; 3]| {
+            owe(&costs, &mut all);
+            all.map(|[_, worth]| worth)
+        };
+        // ahead by 20 with the cost, behind by 15 without it; the third leaves less even so
+        let all = [[100.0, 100.0], [120.0, 120.0], [150.0, 140.0]];
+        assert_eq!(of(all), [100.0, 85.0, 140.0]);
+        // within what a twin of the law gets wrong it is worth nothing, and nothing is owed
+        let all = [[-10.0, -10.0], [12.0, 12.0], [3.0, 3.0]];
+        assert_eq!(of(all), [-10.0, 12.0, 3.0]);
     }
 
     #[test]

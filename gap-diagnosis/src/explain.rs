@@ -3,7 +3,7 @@
 use joint_model::filter::FilterError;
 use rayon::prelude::*;
 
-use crate::evidence::{Remains, remains, together, unknown_probability, variance_of};
+use crate::evidence::{Remains, cost_in_file, remains, together, unknown_probability, variance_of};
 use crate::hypothesis::Hypothesis;
 use crate::judge::shrink_alone;
 use crate::rank::Round;
@@ -347,9 +347,25 @@ impl Growing<'_, '_> {
         let ranking = &first.round.ranking;
         let left = |refined: &Refined| search.left(&refined.model, &refined.residual_nm);
         let without = left(&first.base);
+        let named: Vec<&'static str> = self.added.iter().filter_map(|step| step.added).collect();
+        let is_strained = self.is_strained();
         let worth = |refined: &Refined, variance: f64| {
-            let effects = refined.model.terms.iter().map(|term| &term.hypothesis);
-            together(ranking, [without, left(refined)], variance, effects)
+            let effects = || refined.model.terms.iter().map(|term| &term.hypothesis);
+            // a law of the file that is named has paid for its place already
+            let paid = effects().filter(|effect| named.contains(&effect.effect));
+            let paid: f64 = paid.map(|effect| cost_in_file(ranking, effect)).sum();
+            together(ranking, [without, left(refined)], variance, effects()) + paid
+        };
+        // what more names than before must be worth, as one that is added must
+        let further = |refined: &Refined| {
+            let more = refined.model.terms.len().saturating_sub(named.len());
+            let most = self.added.iter().map(|step| step.best_nats);
+            let part = FURTHER_PART * most.fold(0.0, f64::max);
+            if named.is_empty() || is_strained {
+                0.0
+            } else {
+                more as f64 * part.clamp(FURTHER_NATS, FURTHER_MOST_NATS)
+            }
         };
         let mut starts = self.twisted(first)?;
         if !self.added.is_empty() || self.is_left(&first.base) {
@@ -371,7 +387,7 @@ impl Growing<'_, '_> {
         } else {
             FURTHER_NATS
         };
-        if worth(&best, variance) <= worth(&self.refined, variance) + more {
+        if worth(&best, variance) <= worth(&self.refined, variance) + more.max(further(&best)) {
             return Ok(());
         }
         let mut other = self.clone();
@@ -383,7 +399,8 @@ impl Growing<'_, '_> {
         other.settle()?;
         let least = left(&self.refined).square.min(left(&other.refined).square);
         let variance = variance_of(ranking, least);
-        if worth(&other.refined, variance) > worth(&self.refined, variance) {
+        let before = worth(&self.refined, variance);
+        if worth(&other.refined, variance) > before + further(&other.refined) {
             *self = other;
         }
         Ok(())
