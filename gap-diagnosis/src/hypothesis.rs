@@ -21,6 +21,8 @@ const PAYLOAD_STEP_M: f64 = 0.1;
 const TILT_STEP_RAD: f64 = 0.005;
 const OFFSET_STEP_RAD: f64 = 0.002;
 const LAG_STEP_S: f64 = 5e-4;
+/// Steps of inertia: a part of the joint's own.
+const INERTIA_STEP: f64 = 0.02;
 /// Friction that falls at lower speeds than this is part of how a joint begins to slip.
 const CREEPING_RAD_S: f64 = 0.0225;
 
@@ -264,11 +266,16 @@ impl Hypothesis {
     /// The smallest amplitude that has a meaning.
     pub fn lowest(&self, scale: &Scale) -> f64 {
         if self.is_positive() {
-            0.0
-        } else if matches!(self.form, Form::Coulomb | Form::Stribeck) {
-            -scale.least_friction_nm / (FRICTION_STEP * scale.friction_nm)
-        } else {
-            f64::NEG_INFINITY
+            return 0.0;
+        }
+        let inertia_step_kg_m2 = INERTIA_STEP * scale.inertia_kg_m2;
+        match self.form {
+            Form::Coulomb | Form::Stribeck => {
+                -scale.least_friction_nm / (FRICTION_STEP * scale.friction_nm)
+            }
+            Form::RotorInertia => -scale.rotor_inertia_kg_m2 / inertia_step_kg_m2,
+            Form::LinkInertia => -scale.spare_link_inertia_kg_m2 / inertia_step_kg_m2,
+            _ => f64::NEG_INFINITY,
         }
     }
 
@@ -423,10 +430,10 @@ impl Hypothesis {
                 time_constant_s: a * LAG_STEP_S,
             },
             Form::LinkInertia => Effect::LinkInertia {
-                inertia_kg_m2: a * 0.02 * scale.inertia_kg_m2,
+                inertia_kg_m2: a * INERTIA_STEP * scale.inertia_kg_m2,
             },
             Form::RotorInertia => Effect::RotorInertia {
-                inertia_kg_m2: a * 0.02 * scale.inertia_kg_m2 / scale.gear_ratio.powi(2),
+                inertia_kg_m2: a * INERTIA_STEP * scale.inertia_kg_m2 / scale.gear_ratio.powi(2),
             },
             Form::Gravity => Effect::GravityTorque {
                 sin_nm: a * step_nm,
@@ -584,6 +591,8 @@ mod tests {
             reached_motor_nm: None,
             may_saturate: true,
             inertia_kg_m2: 1.0,
+            rotor_inertia_kg_m2: 0.6,
+            spare_link_inertia_kg_m2: 0.1,
             period_s: 1e-3,
             motor_turns: 20.0,
         }
@@ -640,14 +649,29 @@ mod tests {
     }
 
     #[test]
-    fn no_more_friction_is_taken_off_than_there_is() {
+    fn no_more_is_taken_off_than_there_is() {
         let scale = scale();
         let all = plain(&scale, true, true, true);
-        let mut coulomb = all.iter().filter(|h| h.effect == "coulomb_friction");
-        let coulomb = coulomb.next().expect("it is on the list");
-        let least = coulomb.effect(&[coulomb.lowest(&scale)], &scale);
-        assert!(
-            matches!(least, Effect::CoulombFriction { coulomb_nm } if (coulomb_nm + 1.0).abs() < 1e-12)
-        );
+        let least = |name: &str, value: fn(Effect) -> Option<f64>| {
+            let mut of_name = all.iter().filter(|h| h.effect == name);
+            let hypothesis = of_name.next().expect("it is on the list");
+            value(hypothesis.effect(&[hypothesis.lowest(&scale)], &scale))
+                .expect("the effect of that name")
+        };
+        let coulomb_nm = least("coulomb_friction", |effect| match effect {
+            Effect::CoulombFriction { coulomb_nm } => Some(coulomb_nm),
+            _ => None,
+        });
+        assert!((coulomb_nm + 1.0).abs() < 1e-12, "{coulomb_nm}");
+        let rotor_kg_m2 = least("rotor_inertia", |effect| match effect {
+            Effect::RotorInertia { inertia_kg_m2 } => Some(inertia_kg_m2),
+            _ => None,
+        });
+        assert!((rotor_kg_m2 + 0.6e-4).abs() < 1e-12, "{rotor_kg_m2}");
+        let link_kg_m2 = least("link_inertia", |effect| match effect {
+            Effect::LinkInertia { inertia_kg_m2 } => Some(inertia_kg_m2),
+            _ => None,
+        });
+        assert!((link_kg_m2 + 0.1).abs() < 1e-12, "{link_kg_m2}");
     }
 }

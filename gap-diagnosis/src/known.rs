@@ -4,7 +4,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use joint_model::friction::{LoadTorqueRow, Sliding, StribeckFriction, StribeckRow};
-use joint_model::rigid_body::{Chain, Link};
+use joint_model::rigid_body::{Chain, ChainError, Link};
 use robot::{Robot, Tolerance};
 
 use crate::joint::{Harmonic, JointModel};
@@ -33,6 +33,8 @@ const SKEW_PART: f64 = 0.5;
 const ZERO_RAD: f64 = 1e-3;
 /// Natural logarithm of the factor by which a presliding length may be off.
 const PRESLIDING_LN: f64 = 1.0;
+/// Steps in which the inertia that a link can spare is found.
+const HALVINGS: usize = 30;
 
 /// A value of the robot file, or a property of every joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -348,17 +350,36 @@ pub fn of_joint(
 
 /// How a load changes with inertia added to the joint's link about its axis, per kg m².
 pub fn link_inertia(robot: &Robot, joint: usize, motion: &Motion, load: &Load) -> LoadChange {
-    let added = robot::Effect::LinkInertia { inertia_kg_m2: 1.0 };
-    let changed = robot::changed_chain(
-        robot.chain.links(),
-        robot.chain.gravity_m_s2(),
-        nalgebra::Isometry3::identity(),
-        [(Some(joint), &added)],
-    );
-    match changed {
+    match with_link_inertia(robot, joint, 1.0) {
         Ok(chain) => LoadChange::between(load, &motion.load(&chain, joint)),
         Err(_) => LoadChange::default(),
     }
+}
+
+/// What can be taken off a link's inertia about its joint's axis and leave a body: no more than it has, and not so much that
+/// another axis has less than none.
+pub fn spare_link_inertia_kg_m2(robot: &Robot, joint: usize) -> f64 {
+    let link = &robot.chain.links()[joint];
+    let axis = link.axis.into_inner();
+    let mut spare_kg_m2 = 0.0;
+    let mut step_kg_m2 = axis.dot(&(link.inertia_kg_m2 * axis));
+    for _ in 0..HALVINGS {
+        if with_link_inertia(robot, joint, -(spare_kg_m2 + step_kg_m2)).is_ok() {
+            spare_kg_m2 += step_kg_m2;
+        }
+        step_kg_m2 *= 0.5;
+    }
+    spare_kg_m2
+}
+
+fn with_link_inertia(robot: &Robot, joint: usize, added_kg_m2: f64) -> Result<Chain, ChainError> {
+    let inertia_kg_m2 = added_kg_m2;
+    robot::changed_chain(
+        robot.chain.links(),
+        robot.chain.gravity_m_s2(),
+        nalgebra::Isometry3::identity(),
+        [(Some(joint), &robot::Effect::LinkInertia { inertia_kg_m2 })],
+    )
 }
 
 /// The values of links that matter to a joint along the motions, each with how the load changes by a standard deviation.
@@ -423,4 +444,21 @@ pub fn of_links(
         .filter(|(.., size_nm)| *size_nm > LINK_PART_MIN * largest_nm)
         .map(|(value, changes, _)| (value, changes))
         .collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_link_spares_what_leaves_a_body() {
+        let robot = robot::load("pa10").unwrap();
+        for joint in 0..robot.joints.len() {
+            let spare_kg_m2 = spare_link_inertia_kg_m2(&robot, joint);
+            assert!(spare_kg_m2 > 0.0, "{joint}");
+            assert!(with_link_inertia(&robot, joint, -spare_kg_m2).is_ok());
+            assert!(with_link_inertia(&robot, joint, -1.001 * spare_kg_m2).is_err());
+        }
+    }
 }

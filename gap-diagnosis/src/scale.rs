@@ -34,6 +34,10 @@ pub struct Scale {
     pub may_saturate: bool,
     /// Rotor and link, joint side.
     pub inertia_kg_m2: f64,
+    /// Of the rotor alone, joint side.
+    pub rotor_inertia_kg_m2: f64,
+    /// What can be taken off the link about the joint's axis and leave a body.
+    pub spare_link_inertia_kg_m2: f64,
     /// Between two samples.
     pub period_s: f64,
     /// Range of the motor's angle.
@@ -41,8 +45,12 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// Of a joint along its recordings.
-    pub fn of(model: &JointModel, stretches: &[&JointStretch]) -> Self {
+    /// Of a joint along its recordings, with what can be taken off its link's inertia.
+    pub fn of(
+        model: &JointModel,
+        stretches: &[&JointStretch],
+        spare_link_inertia_kg_m2: f64,
+    ) -> Self {
         let all = |column: fn(&JointStretch) -> &[f64]| {
             let mut values: Vec<f64> = stretches
                 .iter()
@@ -82,6 +90,8 @@ impl Scale {
                 || largest(|stretch| &stretch.torque_nm)
                     < SATURATED * largest(|stretch| &stretch.drive.command_nm),
             inertia_kg_m2: model.rotor_inertia_kg_m2 + inertia[inertia.len() / 2],
+            rotor_inertia_kg_m2: model.rotor_inertia_kg_m2,
+            spare_link_inertia_kg_m2,
             period_s: stretches[0].drive.period_s,
             motor_turns: motor_turns(model.gear_ratio, stretches),
         }

@@ -117,7 +117,7 @@ impl<'a> Search<'a> {
     /// [`FilterError`].
     pub fn new(twin: &'a JointTwin<'a>) -> Result<Self, FilterError> {
         let stretches = twin.stretches();
-        let scale = Scale::of(&twin.nominal, &stretches);
+        let scale = Scale::of(&twin.nominal, &stretches, twin.spare_link_inertia_kg_m2());
         let nominal = Changes::default();
         let clean = twin.simulated(&nominal, None)?;
         let noisy = (1..=NOISY_RUNS)

@@ -170,6 +170,11 @@ impl<'a> JointTwin<'a> {
         self.pieces.iter().map(place).collect()
     }
 
+    /// What can be taken off the link's inertia about the joint's axis.
+    pub fn spare_link_inertia_kg_m2(&self) -> f64 {
+        known::spare_link_inertia_kg_m2(self.robot, self.joint)
+    }
+
     /// How many joints the robot has.
     pub fn joints(&self) -> usize {
         self.robot.joints.len()
