@@ -299,6 +299,68 @@ fn a_gear_ratio_off_is_an_error_with_both_numbers() {
 }
 
 #[test]
+fn without_a_second_encoder_a_gear_ratio_off_is_told_by_the_reference_that_is_followed_in_proportion()
+ {
+    for factor in [0.8, 1.25, 1.59] {
+        let mut robot = robot();
+        robot.joints[1].gear_ratio = 100.0 / factor;
+        robot.joints[1].motor_encoder_resolution_rad = None;
+        robot.joints[1].velocity_limit_rad_s = None;
+        let mut recording = whole();
+        let signals = &mut recording.joints[1].signals;
+        signals.remove(&Signal::LinkPositionRad);
+        signals.remove(&Signal::LinkVelocityRadS);
+        let findings = check(&recording, Some(&robot));
+        let mut ratios = findings
+            .iter()
+            .filter(|finding| finding.kind == FindingKind::WrongGearRatio);
+        let finding = ratios.next().unwrap();
+        assert!((finding.value.unwrap() - 100.0).abs() < 0.5, "{finding}");
+    }
+}
+
+#[test]
+fn a_weak_controller_that_lets_gravity_and_friction_pull_is_no_gear_ratio() {
+    let (_, ratio, _) = JOINTS[1];
+    let mut recording = whole();
+    let signals = &mut recording.joints[1].signals;
+    signals.remove(&Signal::LinkPositionRad);
+    signals.remove(&Signal::LinkVelocityRadS);
+    // 20 Nm/rad against about 8 Nm of gravity and 3 Nm of friction
+    let torque_nm = signals[&Signal::MotorTorqueNm].clone();
+    let error_rad = torque_nm.iter().map(|torque_nm| ratio * torque_nm / 20.0);
+    let reference_rad = signals[&Signal::MotorPositionRad].iter().zip(error_rad);
+    let reference_rad: Vec<f64> = reference_rad
+        .map(|(motor_rad, error_rad)| motor_rad / ratio + error_rad)
+        .collect();
+    *column(&mut recording, 1, Signal::ReferencePositionRad) = reference_rad;
+    let findings = check(&recording, Some(&robot()));
+    let is_ratio = |finding: &Finding| finding.kind == FindingKind::WrongGearRatio;
+    assert!(!findings.iter().any(is_ratio), "{findings:#?}");
+}
+
+#[test]
+fn what_may_be_a_gear_ratio_or_a_weak_controller_is_a_warning() {
+    let mut robot = robot();
+    robot.joints[1].gear_ratio = 100.0 / 1.15;
+    robot.joints[1].motor_encoder_resolution_rad = None;
+    let mut recording = whole();
+    let signals = &mut recording.joints[1].signals;
+    signals.remove(&Signal::LinkPositionRad);
+    signals.remove(&Signal::LinkVelocityRadS);
+    let reference_rad = column(&mut recording, 1, Signal::ReferencePositionRad);
+    for (row, reference_rad) in reference_rad.iter_mut().enumerate() {
+        *reference_rad += 0.02 * (5.0 * row as f64 / RATE_HZ).sin();
+    }
+    let findings = check(&recording, Some(&robot));
+    let is_ratio = |finding: &&Finding| finding.kind == FindingKind::WrongGearRatio;
+    let finding = findings.iter().find(is_ratio).unwrap();
+    assert_eq!(finding.severity, Severity::Warning, "{finding}");
+    assert!((finding.value.unwrap() - 1.15).abs() < 0.01, "{finding}");
+    assert!(finding.what.contains("weak controller"), "{finding}");
+}
+
+#[test]
 fn lost_motion_is_no_gear_ratio() {
     let mut recording = whole();
     let link_rad = column(&mut recording, 1, Signal::LinkPositionRad).clone();

@@ -15,6 +15,11 @@ const BARELY_FOLLOWS: Range<f64> = 0.02..0.6;
 /// they change scatters by more than this part of what it tilts. A gap that gravity holds open, a square wave in phase with a
 /// sine, scatters by 0.48 of it.
 const STRAIGHT: f64 = 0.4;
+/// A real joint stays behind its reference, and a short swing of it is far from the same.
+const TRACKING: Range<f64> = 0.6..1.6;
+/// A joint that its controller lets fall behind does not do so in proportion: friction alone scatters the line by more than this
+/// part of what gravity tilts it. A wrong gear ratio does not.
+const RULED: f64 = 0.1;
 /// Time over which a velocity is taken from positions.
 const BLOCK_S: f64 = 0.1;
 const BLOCK_ROWS: usize = 5;
@@ -27,6 +32,8 @@ pub(super) struct Scales {
     measured_ratio: Option<f64>,
     /// How far the two are from a straight line, root mean square, as a part of their range.
     ratio_scatter: f64,
+    /// By the motor's encoder, and what it turns per joint turn.
+    followed: Option<Followed>,
     positions: Vec<Wrong>,
     /// Against their own positions.
     velocities: Vec<Wrong>,
@@ -52,16 +59,16 @@ impl Scales {
         let measured_ratio = between(Signal::LinkPositionRad, Signal::MotorPositionRad);
         let ratio_scatter = scatter(joint, Signal::LinkPositionRad, Signal::MotorPositionRad);
         let gear_ratio = robot.map(|robot| robot.gear_ratio).or(measured_ratio);
+        // without a robot file the ratio is what the encoders show, and holds the error that is looked for
+        let followed =
+            robot.and_then(|robot| Followed::by(joint, Signal::MotorPositionRad, robot.gear_ratio));
         let positions = wrong_positions(
             gear_ratio,
             measured_ratio
                 .zip(gear_ratio)
                 .map(|(seen, ratio)| seen / ratio),
-            between(Signal::ReferencePositionRad, Signal::LinkPositionRad),
-            // Without a robot file the ratio is what the encoders show, and holds the error that is looked for.
-            between(Signal::ReferencePositionRad, Signal::MotorPositionRad)
-                .zip(robot)
-                .map(|(seen, robot)| seen / robot.gear_ratio),
+            Followed::by(joint, Signal::LinkPositionRad, 1.0),
+            followed,
         );
         // a joint that friction holds follows a seventh of its reference, as one in turns would
         let is_in_its_unit = |wrong: &Wrong| {
@@ -83,6 +90,7 @@ impl Scales {
             gear_ratio,
             measured_ratio,
             ratio_scatter,
+            followed,
             positions,
             velocities: Vec::new(),
             torques: Vec::new(),
@@ -157,21 +165,49 @@ fn is_off(factor: f64) -> bool {
     (factor - 1.0).abs() > 2.0 * MEASURED
 }
 
+/// How a joint follows its reference.
+#[derive(Clone, Copy)]
+struct Followed {
+    /// Joint angle over reference.
+    factor: f64,
+    /// How far the two are from a straight line.
+    scatter: f64,
+}
+
+impl Followed {
+    /// As a measured position shows it, over what it turns per joint turn.
+    fn by(joint: &JointColumns, position: Signal, per_turn: f64) -> Option<Self> {
+        let [from, to] = [Signal::ReferencePositionRad, position].map(|of| values(joint, of));
+        Some(Self {
+            factor: slope(from?, to?, SAME)? / per_turn,
+            scatter: scatter(joint, Signal::ReferencePositionRad, position),
+        })
+    }
+
+    /// Whether no controller follows so.
+    fn is_wrong(self) -> bool {
+        let is_ruled = self.scatter < RULED * (self.factor - 1.0).abs();
+        !TRACKING.contains(&self.factor) || is_ruled && is_off(self.factor)
+    }
+}
+
 /// Which of three positions is off: the one that fits neither of the others. Of two, the measured one.
 fn wrong_positions(
     gear_ratio: Option<f64>,
     motor_over_link: Option<f64>,
-    link_over_reference: Option<f64>,
-    motor_over_reference: Option<f64>,
+    link_over_reference: Option<Followed>,
+    motor_over_reference: Option<Followed>,
 ) -> Vec<Wrong> {
     use Signal::{LinkPositionRad, MotorPositionRad, ReferencePositionRad};
-    /// A real joint stays behind its reference, and a short swing of it is far from the same.
-    const TRACKING: Range<f64> = 0.6..1.6;
     let off = |factor: Option<f64>| factor.filter(|factor| is_off(*factor));
-    let away = |factor: Option<f64>| factor.filter(|factor| !TRACKING.contains(factor));
+    let away = |followed: Option<Followed>| {
+        let wrong = followed.filter(|followed| followed.is_wrong());
+        wrong.map(|followed| followed.factor)
+    };
     let wrong = |signal, measured, against| {
         let near = match against {
-            ReferencePositionRad => TRACKED,
+            // within it only what is followed in proportion is wrong, and that is exact
+            ReferencePositionRad if !TRACKING.contains(&measured) => TRACKED,
             _ => MEASURED,
         };
         vec![Wrong {
@@ -256,8 +292,30 @@ pub(super) fn check(
     findings.extend(torque::current_as_torque(joint, robot));
     if seen.positions.is_empty() {
         findings.extend(gear_ratio(joint, robot, seen));
+        findings.extend(off_reference(joint, seen));
     }
     findings
+}
+
+/// Where a wrong gear ratio and a weak controller look alike and no second encoder decides.
+fn off_reference(joint: &JointColumns, seen: &Scales) -> Option<Finding> {
+    let followed = seen.followed.filter(|_| seen.measured_ratio.is_none())?;
+    let tilt = (followed.factor - 1.0).abs();
+    let told = seen.gear_ratio?;
+    let what = format!(
+        "moves {:.3} times as far as its reference asks, on a line from which it is {:.3} of its range away: a weak controller \
+         lets it, or it turns {:.2} times per joint turn and not {told:.2}",
+        followed.factor,
+        followed.scatter,
+        followed.factor * told,
+    );
+    (is_off(followed.factor) && followed.scatter < STRAIGHT * tilt).then(|| {
+        Finding::warning(FindingKind::WrongGearRatio, what)
+            .at(joint)
+            .of(Signal::MotorPositionRad)
+            .decided_by(followed.factor)
+            .remedy("make sure of gear_ratio in the robot file")
+    })
 }
 
 fn explain(
