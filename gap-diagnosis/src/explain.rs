@@ -434,8 +434,23 @@ impl Growing<'_, '_> {
         let is_gap = self.added.is_empty() && step.outweighs_none();
         let mut refitted = step.refitted.iter().filter(|best| !best.is_named_before());
         refitted
-            .find(|best| is_gap || best.nats >= self.worth(best))
+            .find(|best| is_gap || best.nats >= self.worth(best) && self.is_shown(step, best))
             .cloned()
+    }
+
+    /// Whether an effect is more than a part of what nothing explains: twist that no encoder shows bends to fit a little of
+    /// anything beside other effects. It must take off as much as is left beyond what is taken for well explained.
+    fn is_shown(&self, step: &Step, best: &Refitted) -> bool {
+        let ranking = &step.round.ranking;
+        let added = best.refined.model.terms.last();
+        let is_twist = added.is_some_and(|term| TWIST.contains(&term.hypothesis.effect));
+        if self.added.is_empty() || ranking.sees_torsion || !is_twist {
+            return true;
+        }
+        let square = |refined: &Refined| self.search.square(&refined.residual_nm);
+        let [before, after] = [&step.base, &best.refined].map(square);
+        let beyond = after - WELL_EXPLAINED * ranking.rows as f64;
+        before - after >= beyond
     }
 
     /// What an effect must be worth beside those already added.
