@@ -21,21 +21,29 @@ type Variable<'a> = &'a dyn Fn(&Row) -> f64;
 
 /// Gap over noise of every signal, largest first.
 pub fn signals(search: &Search<'_>, residual_nm: &[f64]) -> Vec<SignalGap> {
-    let mut all: Vec<SignalGap> = search
-        .twin
-        .channels
-        .iter()
-        .map(|&channel| {
-            let square = Squares::of(search, residual_nm, channel).mean();
-            let noise = search.twin_floor_nm(channel).powi(2);
-            SignalGap {
-                signal: channel.signal().to_owned(),
-                gap_to_noise: ((square - noise).max(0.0) / noise.max(1e-300)).sqrt(),
-            }
+    let channels = search.twin.channels.iter();
+    let mut all: Vec<SignalGap> = channels
+        .map(|&channel| SignalGap {
+            signal: channel.signal().to_owned(),
+            gap_to_noise: gap_to_noise(search, residual_nm, channel),
         })
         .collect();
     all.sort_by(|a, b| b.gap_to_noise.total_cmp(&a.gap_to_noise));
     all
+}
+
+fn gap_to_noise(search: &Search<'_>, residual_nm: &[f64], channel: Channel) -> f64 {
+    let square = Squares::of(search, residual_nm, channel).mean();
+    let noise = search.twin_floor_nm(channel).powi(2);
+    ((square - noise).max(0.0) / noise.max(1e-300)).sqrt()
+}
+
+/// The channel with the largest gap over noise.
+fn loudest(search: &Search<'_>, residual_nm: &[f64]) -> Channel {
+    let gap = |channel: &Channel| gap_to_noise(search, residual_nm, *channel);
+    let channels = search.twin.channels.iter().copied();
+    let loudest = channels.max_by(|a, b| gap(a).total_cmp(&gap(b)));
+    loudest.unwrap_or(Channel::Motor)
 }
 
 /// Shares by ranges of position, velocity, load, motor phase and time, of the channel with the largest gap.
@@ -50,13 +58,14 @@ pub fn regimes(search: &Search<'_>, residual_nm: &[f64]) -> Vec<Regime> {
         }),
         ("time_s", &|row| row.time_s),
     ];
-    let noise = search.twin_floor_nm(Channel::Motor).powi(2);
+    let channel = loudest(search, residual_nm);
+    let noise = search.twin_floor_nm(channel).powi(2);
     let rows: Vec<(usize, &Row)> = search
         .twin
         .rows
         .iter()
         .enumerate()
-        .filter(|(_, row)| row.channel == Channel::Motor)
+        .filter(|(_, row)| row.channel == channel)
         .collect();
     let mut all = Vec::new();
     for (name, of) in variables {
@@ -87,15 +96,18 @@ pub fn regimes(search: &Search<'_>, residual_nm: &[f64]) -> Vec<Regime> {
     all
 }
 
-/// Shares by frequency, of the motor's channel.
+/// Shares by frequency, of the channel with the largest gap; its floor is taken for white.
 pub fn bands(search: &Search<'_>, residual_nm: &[f64]) -> Vec<BandShare> {
     let rate_hz = search.twin.rows_hz();
     let top_hz = search.twin.cutoff_hz();
+    let channel = loudest(search, residual_nm);
     let mut below = [0.0; BAND_EDGES.len()];
+    let mut rows = 0;
     for of in series(&search.twin.rows) {
-        if search.twin.rows[of.start].channel != Channel::Motor {
+        if search.twin.rows[of.start].channel != channel {
             continue;
         }
+        rows += of.len();
         let values = &residual_nm[of];
         for (sum, edge) in below.iter_mut().zip(BAND_EDGES) {
             let cutoff_hz = edge * top_hz;
@@ -107,19 +119,25 @@ pub fn bands(search: &Search<'_>, residual_nm: &[f64]) -> Vec<BandShare> {
             };
         }
     }
-    let total = below[BAND_EDGES.len() - 1].max(1e-300);
+    let noise = rows as f64 * search.twin_floor_nm(channel).powi(2);
     let mut from = (0.0, 0.0);
-    BAND_EDGES
+    let mut bands: Vec<BandShare> = BAND_EDGES
         .iter()
         .zip(below)
         .map(|(edge, sum)| {
-            let share = BandShare {
-                from_hz: from.0,
+            let above = sum - from.1 - (edge - from.0) * noise;
+            let band = BandShare {
+                from_hz: from.0 * top_hz,
                 to_hz: edge * top_hz,
-                share: (sum - from.1).max(0.0) / total,
+                share: above.max(0.0),
             };
-            from = (edge * top_hz, sum);
-            share
+            from = (*edge, sum);
+            band
         })
-        .collect()
+        .collect();
+    let total: f64 = bands.iter().map(|band| band.share).sum();
+    for band in &mut bands {
+        band.share /= total.max(1e-300);
+    }
+    bands
 }
