@@ -41,6 +41,8 @@ const TURNS_NATS: f64 = 8.0;
 
 /// Standard errors, from the scatter between blocks of time, above which an effect's size is not in doubt.
 const SURE_ERRORS: f64 = 5.0;
+/// What is left with an effect over what is left without it, as squares, below which its size is not in doubt either.
+const ALMOST_ALL: f64 = 0.1;
 /// Nats by which an effect must leave less than another for the other not to be preferred because its size is surer.
 const DECISIVE_NATS: f64 = 30.0;
 
@@ -287,7 +289,8 @@ impl Standings {
     /// strong effects, and known values far off, do not respond in proportion.
     ///
     /// An effect of few standard errors is worth no more than they allow: they know from the scatter between blocks of time
-    /// how far a twin's errors look like the effect. What leaves decisively more than such an effect stays behind it.
+    /// how far a twin's errors look like the effect. What leaves decisively more than such an effect stays behind it. One that
+    /// takes off nearly everything is not in doubt, however unsure its size is beside known values that can do a part of it.
     pub fn refit(&mut self, ranking: &Ranking, without: Left, simulated: &[Simulated]) {
         let squares = simulated.iter().map(|simulated| simulated.left.square);
         let least = squares.fold(without.square, f64::min);
@@ -300,9 +303,10 @@ impl Standings {
             let worth = worth(ranking, scored, errors, spared);
             let values = scored.hypothesis.amplitudes() + scored.hypothesis.shape.len();
             let cost = naming(values) + Trust::of(ranking.joints).naming_nats;
-            let most = simulated
+            let certainty = simulated
                 .certainty
-                .map_or(f64::INFINITY, |square| most_worth(square, cost));
+                .filter(|_| simulated.left.square > ALMOST_ALL * without.square);
+            let most = certainty.map_or(f64::INFINITY, |square| most_worth(square, cost));
             [worth, worth.min(most)]
         };
         let mut all: Vec<[f64; 2]> = simulated.iter().map(values).collect();

@@ -25,7 +25,7 @@ pub struct Trust {
 const ALONE: Trust = Trust {
     by_file: 0.3,
     by_known: 0.1,
-    of_any_shape: 0.7,
+    of_any_shape: 2.0,
     least: 0.7,
     naming_nats: 0.0,
     friction_nats: 90.0,
@@ -34,7 +34,7 @@ const ALONE: Trust = Trust {
 const IN_ARM: Trust = Trust {
     by_file: 0.3,
     by_known: 0.1,
-    of_any_shape: 0.7,
+    of_any_shape: 2.0,
     least: 0.7,
     naming_nats: 3.0,
     friction_nats: 90.0,
