@@ -1,9 +1,12 @@
 //! Explanations that the data cannot tell apart, with the reason.
 
+use robot::Effect;
+
 use crate::evidence::SAME_TORQUE;
 use crate::known::Known;
 use crate::rank::Scored;
 use crate::report::Confusable;
+use crate::simulate::Between;
 use crate::stage::Stage;
 use crate::step::Step;
 use crate::tell::{Told, names};
@@ -34,6 +37,7 @@ pub(crate) fn pairs(told: &Told<'_>) -> Vec<Confusable> {
         all.extend(others_alike(told, step, own, own_nats));
         all.extend(imitated_by_known(told, step, own));
     }
+    all.extend(lost_or_slow(told));
     let candidates = told.candidates();
     let probable = |pair: &Confusable| -> f64 {
         let of = |name: &String| {
@@ -64,6 +68,47 @@ pub(crate) fn pairs(told: &Told<'_>) -> Vec<Confusable> {
     });
     all.truncate(PAIRS_MAX);
     all
+}
+
+/// Commands that the drive leaves out, where a current loop was found slow by what it does on the whole: holding the command before
+/// is the same on the whole, and only its steps from row to row tell it apart.
+fn lost_or_slow(told: &Told<'_>) -> Option<Confusable> {
+    let mut terms = told.explanation.refined.model.terms.iter();
+    let lag_s = terms.find_map(|term| {
+        match term.hypothesis.effect(&term.amplitudes, &told.search.scale) {
+            Effect::CurrentLoopLag { time_constant_s } => Some(time_constant_s),
+            _ => None,
+        }
+    })?;
+    let stretches = told.search.twin.stretches().into_iter();
+    // rows between which commands were sent, or whose torque nobody measured, tell nothing
+    let telling =
+        stretches.filter(|of| of.has_torque_beside_command && of.drive.between == Between::Stays);
+    let nominal = &told.search.twin.nominal;
+    let noise_nm = nominal.gear_ratio * nominal.torque_noise_nm;
+    let distances = telling
+        .map(|of| steps_over_noise(&of.drive.command_nm, lag_s / of.drive.period_s, noise_nm));
+    let distance: f64 = distances.sum();
+    (distance < DISTANCE_MIN).then(|| Confusable {
+        effects: ["current_loop_lag", "dropped_commands"].map(str::to_owned),
+        distance,
+        reason: "commands that are held in place of lost ones come later on the whole, as a slow loop's do; the steps from row to \
+                 row that tell them apart are not recorded, or drown in the torque's noise"
+            .to_owned(),
+    })
+}
+
+/// `d²` of held commands from those of a loop that is as late on the whole: what the scatter of a command's age adds to the
+/// variance of the torque, over that of its noise, squared, half of it for each row.
+fn steps_over_noise(command_nm: &[f64], late_rows: f64, noise_nm: f64) -> f64 {
+    // of a command that is held with probability p the age is p/(1-p) on the whole, and its variance p/(1-p)²
+    let age_variance = late_rows * (1.0 + late_rows);
+    let rows = command_nm.windows(2).map(|pair| {
+        let variance_nm2 = age_variance * (pair[1] - pair[0]).powi(2);
+        0.5 * (variance_nm2 / noise_nm.powi(2)).powi(2)
+    });
+    // a step over no noise is no number where there is no step either
+    rows.filter(|square| !square.is_nan()).sum()
 }
 
 /// The effect that a step added, with its nats.
@@ -194,5 +239,24 @@ fn why(told: &Told<'_>, pair: [&str; 2]) -> String {
         "both oppose the motion in nearly the same way over the speeds and loads driven".to_owned()
     } else {
         "their torques along this motion are nearly alike".to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lost_commands_are_told_from_a_slow_loop_by_steps_above_the_noise() {
+        let smooth: Vec<f64> = (0..30_000).map(|k| (0.002 * f64::from(k)).sin()).collect();
+        let noise_nm = 0.1;
+        assert!(steps_over_noise(&smooth, 1.2, noise_nm) < DISTANCE_MIN);
+        let stepping = smooth.iter().zip(0..);
+        let stepping: Vec<f64> = stepping
+            .map(|(smooth, k): (&f64, i32)| smooth + 0.1 * f64::from(k % 2))
+            .collect();
+        assert!(steps_over_noise(&stepping, 1.2, noise_nm) > 1000.0 * DISTANCE_MIN);
+        assert_eq!(steps_over_noise(&stepping, 1.2, 0.0), f64::INFINITY);
+        assert_eq!(steps_over_noise(&[0.5; 100], 1.2, 0.0), 0.0);
     }
 }
