@@ -278,6 +278,16 @@ impl Standings {
             .map_or(f64::NEG_INFINITY, |(_, nats)| *nats)
     }
 
+    /// An effect was chosen: what is worth more was passed over, and is none of the answers that are left.
+    pub(crate) fn choose(&mut self, ranking: &Ranking, effect: &str) {
+        let is_chosen = |index: usize| ranking.scored[index].hypothesis.effect == effect;
+        let mut effects = self.effects.iter();
+        let Some(&(_, chosen)) = effects.find(|(index, _)| is_chosen(*index)) else {
+            return;
+        };
+        self.effects.retain(|(_, nats)| *nats <= chosen);
+    }
+
     /// Nothing beyond noise: no explanation is worth naming.
     pub fn quiet(&mut self) {
         for (_, nats) in &mut self.effects {

@@ -229,6 +229,8 @@ impl Step {
 
     /// The step, with what was added.
     pub(crate) fn with(mut self, best: &Refitted) -> Self {
+        self.standings.choose(&self.round.ranking, best.effect);
+        self.probabilities = self.standings.probabilities(&self.round.ranking);
         self.added = Some(best.effect);
         self.best_nats = best.nats;
         self
