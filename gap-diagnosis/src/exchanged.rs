@@ -8,7 +8,7 @@ use nalgebra::{Matrix2, Vector2};
 use recording::{Finding, FindingKind, Recording, Severity};
 use robot::Robot;
 
-use crate::stretch::{Stretch, stretches};
+use crate::stretch::{Stretch, rigid_stretches};
 
 /// Rate at which this is looked at: what rigid bodies do is slow.
 const RATE_HZ: f64 = 50.0;
@@ -98,7 +98,7 @@ fn exchanged(robot: &Robot, recording: &Recording, pair: [usize; 2]) -> Option<R
 
 /// Of each joint, what the rigid bodies leave of the squares of its torque beyond friction; all of it where that is not known.
 fn parts(robot: &Robot, recording: &Recording) -> Option<Vec<f64>> {
-    let stretches = stretches(&[recording], robot).ok()?;
+    let stretches = rigid_stretches(&[recording], robot).ok()?;
     let joints = 0..robot.joints.len();
     Some(joints.map(|joint| part(robot, joint, &stretches)).collect())
 }

@@ -70,7 +70,7 @@ pub(crate) struct Links {
     softer: Motion,
     /// Of each joint, whether that is so.
     is_unseen: Vec<bool>,
-    /// Step and noise of the encoders that show the links, joint side.
+    /// Step and noise of the encoders that show the links, joint side; none where their rounding is not asked for.
     encoders: Vec<[f64; 2]>,
     cutoff_hz: f64,
 }
@@ -123,6 +123,23 @@ impl Links {
         Ok(links)
     }
 
+    /// Every link where its motor is, for what is asked of the rigid bodies only.
+    pub fn rigid(robot: &Robot, shown: &[Position], rate_hz: f64) -> Result<Self, FilterError> {
+        let really = shown.iter().enumerate().map(|(joint, position)| {
+            let model = JointModel::nominal(robot, joint);
+            position.without_faults(&model, rate_hz).motor_rad
+        });
+        let motion = Motion::of(&really.collect::<Vec<_>>(), rate_hz)?;
+        Ok(Self {
+            behind: motion.clone(),
+            softer: motion.clone(),
+            motion,
+            is_unseen: vec![false; shown.len()],
+            encoders: Vec::new(),
+            cutoff_hz: Band::at(rate_hz).cutoff_hz,
+        })
+    }
+
     /// Where its own encoder shows how a link swings, nothing needs to be known of the gear.
     fn see(
         &mut self,
@@ -164,7 +181,10 @@ impl Links {
     }
 
     /// Torque on a joint that rounding of the other joints' encoders pretends, root mean square.
-    pub fn rounding_nm(&self, chain: &Chain, joint: usize) -> Vec<f64> {
+    pub fn rounding_nm(&self, chain: &Chain, joint: usize, samples: usize) -> Vec<f64> {
+        if self.encoders.is_empty() {
+            return vec![0.0; samples];
+        }
         self.motion
             .rounding_nm(chain, joint, &self.encoders, self.cutoff_hz)
     }

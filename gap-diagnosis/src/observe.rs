@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use crate::joint::JointModel;
 use crate::load::Load;
 use crate::simulate::Trace;
-use crate::smooth::{low_pass, second_derivative};
+use crate::smooth::{low_pass_together, second_difference};
 use crate::stretch::JointStretch;
 
 /// Above this nothing is compared: friction, gravity and inertia of an arm lie below.
@@ -53,6 +53,9 @@ impl Channel {
         }
     }
 }
+
+/// How many channels there are.
+const CHANNELS: usize = 4;
 
 /// How signals become channels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,15 +104,6 @@ impl Band {
     /// Every so many samples one is kept.
     pub fn stride(&self) -> usize {
         ((self.rate_hz / (SAMPLES_PER_BAND * self.cutoff_hz)) as usize).max(1)
-    }
-
-    /// Low-passed and thinned.
-    ///
-    /// # Errors
-    /// [`FilterError`] for a cut-off outside zero to half the rate.
-    pub fn thin(&self, values: &[f64]) -> Result<Vec<f64>, FilterError> {
-        let smooth = low_pass(values, self.cutoff_hz, self.rate_hz)?;
-        Ok(smooth.into_iter().step_by(self.stride()).collect())
     }
 
     /// The channels of a recording.
@@ -167,41 +161,36 @@ impl Band {
         seen: &Seen<'_>,
         channels: &[Channel],
     ) -> Result<Vec<Vec<f64>>, FilterError> {
-        let acceleration_rad_s2 = second_derivative(seen.motor_rad, 1.0 / self.rate_hz);
-        let count = seen.motor_rad.len();
+        let samples = seen.motor_rad.len();
+        let link_rad = seen.link_rad.unwrap_or(seen.motor_rad);
+        let sensed_nm = seen.joint_torque_nm.unwrap_or(seen.torque_nm);
+        let period_s2 = (1.0 / self.rate_hz).powi(2);
         let rigid_nm = |k: usize, inertia_kg_m2: f64| {
-            inertia_kg_m2 * acceleration_rad_s2[k]
+            inertia_kg_m2 * (second_difference(seen.motor_rad, k) / period_s2)
                 + load.slope_nm_rad[k] * (seen.motor_rad[k] - load.position_rad[k])
         };
-        channels
-            .iter()
-            .map(|channel| {
-                let raw_nm: Vec<f64> = match channel {
-                    Channel::Motor => (0..count)
-                        .map(|k| {
-                            let inertia = nominal.rotor_inertia_kg_m2 + load.inertia_kg_m2[k];
-                            let holding_nm = seen.holding_nm.map_or(0.0, |held| held[k]);
-                            seen.torque_nm[k] + holding_nm - rigid_nm(k, inertia)
-                        })
-                        .collect(),
-                    Channel::Drive => (0..count)
-                        .map(|k| seen.torque_nm[k] - seen.command_nm[k])
-                        .collect(),
-                    Channel::Torsion => {
-                        let link_rad = seen.link_rad.unwrap_or(seen.motor_rad);
-                        (0..count)
-                            .map(|k| nominal.stiffness_nm_rad * (seen.motor_rad[k] - link_rad[k]))
-                            .collect()
-                    }
-                    Channel::Link => {
-                        let sensed_nm = seen.joint_torque_nm.unwrap_or(seen.torque_nm);
-                        (0..count)
-                            .map(|k| sensed_nm[k] - rigid_nm(k, load.inertia_kg_m2[k]))
-                            .collect()
-                    }
-                };
-                self.thin(&raw_nm)
-            })
-            .collect()
+        let raw_nm = |channel: Channel, k: usize| match channel {
+            Channel::Motor => {
+                let inertia = nominal.rotor_inertia_kg_m2 + load.inertia_kg_m2[k];
+                let holding_nm = seen.holding_nm.map_or(0.0, |held| held[k]);
+                seen.torque_nm[k] + holding_nm - rigid_nm(k, inertia)
+            }
+            Channel::Drive => seen.torque_nm[k] - seen.command_nm[k],
+            Channel::Torsion => nominal.stiffness_nm_rad * (seen.motor_rad[k] - link_rad[k]),
+            Channel::Link => sensed_nm[k] - rigid_nm(k, load.inertia_kg_m2[k]),
+        };
+        let row_nm = |k: usize| {
+            let mut row = [0.0; CHANNELS];
+            for (value, channel) in row.iter_mut().zip(channels) {
+                *value = raw_nm(*channel, k);
+            }
+            row
+        };
+        let smooth = low_pass_together(samples, row_nm, self.cutoff_hz, self.rate_hz)?;
+        let thinned = |place: usize| -> Vec<f64> {
+            let kept = smooth.iter().step_by(self.stride());
+            kept.map(|row| row[place]).collect()
+        };
+        Ok((0..channels.len()).map(thinned).collect())
     }
 }

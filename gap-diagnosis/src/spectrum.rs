@@ -17,6 +17,9 @@ const PERIODS_MIN_BELOW: f64 = 2.0;
 const OVERSAMPLING: f64 = 3.0;
 /// Of the fastest speed; slower is as good as standing.
 const MOVING: f64 = 0.05;
+/// Whitened squares that waves at a peak take off one channel at least. An effect that repeats with an angle costs 24 nats or
+/// more, which are 67 squares in all channels, of which there are four: smaller peaks are not worth a name whatever makes them.
+const GAIN_MIN: f64 = 17.0;
 /// The most numbers of cycles that are tried.
 const TRIED_MAX: usize = 1500;
 
@@ -72,8 +75,8 @@ impl Beside {
     }
 }
 
-/// Cycles per motor turn at which a gain peaks, the highest first, as far as the rows' range of angles tells them apart and
-/// below `most`.
+/// Cycles per motor turn at which a gain peaks above [`GAIN_MIN`], the highest first, as far as the rows' range of angles tells
+/// them apart and below `most`.
 pub fn peaks(rows: &[&Row], most: f64, gain: impl Fn(f64) -> f64 + Sync, count: usize) -> Vec<f64> {
     let angles = || rows.iter().map(|row| row.motor_angle_rad);
     let (low, high) = angles().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
@@ -95,7 +98,7 @@ pub fn peaks(rows: &[&Row], most: f64, gain: impl Fn(f64) -> f64 + Sync, count: 
         .filter(|&k| {
             let before = k.checked_sub(1).map_or(0.0, |k| gains[k]);
             let after = gains.get(k + 1).copied().unwrap_or(0.0);
-            gains[k] > before && gains[k] >= after
+            gains[k] > GAIN_MIN.max(before) && gains[k] >= after
         })
         .map(|k| (settled(lowest + k as f64 * step, turns), gains[k]))
         .collect();
@@ -182,6 +185,8 @@ mod tests {
         let all: Vec<&Row> = rows.iter().collect();
         let gain = |cycles: f64| beside.gain(&wave(f64::sin, cycles), &wave(f64::cos, cycles));
         assert_eq!(peaks(&all, f64::INFINITY, gain, 2)[0], 2.0);
+        // a wave too small to be worth a name is not looked at
+        assert!(peaks(&all, f64::INFINITY, |cycles| 0.01 * gain(cycles), 2).is_empty());
         // half of the rows that move turn faster than 3.5 times a second
         let most = most_seen(&rows, 1.0, 10.0);
         assert!((most - 1.5).abs() < 0.1, "{most}");

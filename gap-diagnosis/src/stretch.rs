@@ -80,6 +80,28 @@ pub enum StretchError {
 /// # Errors
 /// [`StretchError`].
 pub fn stretches(recordings: &[&Recording], robot: &Robot) -> Result<Vec<Stretch>, StretchError> {
+    cut(recordings, robot, Links::of)
+}
+
+/// The same with every link where its motor is: in little time, for what is asked of the rigid bodies only.
+///
+/// # Errors
+/// [`StretchError`].
+pub(crate) fn rigid_stretches(
+    recordings: &[&Recording],
+    robot: &Robot,
+) -> Result<Vec<Stretch>, StretchError> {
+    cut(recordings, robot, Links::rigid)
+}
+
+/// How the links moved, from what the encoders say at a rate.
+type OfLinks = fn(&Robot, &[Position], f64) -> Result<Links, FilterError>;
+
+fn cut(
+    recordings: &[&Recording],
+    robot: &Robot,
+    of_links: OfLinks,
+) -> Result<Vec<Stretch>, StretchError> {
     let mut found = Vec::new();
     let mut longest_s = 0.0_f64;
     for (index, recording) in recordings.iter().enumerate() {
@@ -89,7 +111,7 @@ pub fn stretches(recordings: &[&Recording], robot: &Robot) -> Result<Vec<Stretch
             longest_s = longest_s.max(length_s);
             if length_s >= STRETCH_MIN_S {
                 let grid = Grid::new(time_s, rows.start, recording.sample_rate_hz);
-                found.push(stretch(index, recording, robot, &grid)?);
+                found.push(stretch(index, recording, robot, &grid, of_links)?);
             }
         }
     }
@@ -233,6 +255,7 @@ fn stretch(
     recording: &Recording,
     robot: &Robot,
     grid: &Grid,
+    of_links: OfLinks,
 ) -> Result<Stretch, StretchError> {
     let rate_hz = 1.0 / grid.period_s;
     let between = control::between(robot, rate_hz);
@@ -241,7 +264,7 @@ fn stretch(
         .iter()
         .map(|joint| position_rad(recording.joint(&joint.name)?, joint.gear_ratio, grid))
         .collect::<Result<Vec<_>, MissingSignal>>()?;
-    let links = Links::of(robot, &positions, rate_hz)?;
+    let links = of_links(robot, &positions, rate_hz)?;
     let joints = positions
         .into_iter()
         .zip(&robot.joints)
@@ -254,7 +277,7 @@ fn stretch(
                 JointStretch {
                     unseen_nm: links.unseen_nm(&robot.chain, k, &load),
                     load,
-                    others_rounding_nm: links.rounding_nm(&robot.chain, k),
+                    others_rounding_nm: links.rounding_nm(&robot.chain, k, signals.samples()),
                     ..signals
                 }
             }))

@@ -63,6 +63,7 @@ impl Section {
         }
     }
 
+    #[inline]
     fn step(&mut self, input: f64) -> f64 {
         let output = self.b[0] * input + self.memory[0];
         self.memory[0] = self.b[1] * input - self.a[0] * output + self.memory[1];
@@ -115,24 +116,36 @@ impl Butterworth {
             .fold(input, |value, section| section.step(value))
     }
 
-    /// Replaces each input by its output, first to last.
-    pub fn run<'a>(&mut self, values: impl Iterator<Item = &'a mut f64>) {
-        if let [first, second] = self.sections.as_mut_slice() {
+    /// Replaces each input by its output, first to last, beginning where an endless constant input `from` would have put the
+    /// filter. A row holds one sample of each of several signals: they are filtered side by side, since every step of a
+    /// filter waits for the one before.
+    pub fn run_from<'a, const N: usize>(
+        &self,
+        from: &[f64; N],
+        rows: impl Iterator<Item = &'a mut [f64; N]>,
+    ) {
+        let mut all: ArrayVec<[Section; N], { ORDER_MAX.div_ceil(2) }> =
+            self.sections.iter().map(|section| [*section; N]).collect();
+        for of_signals in &mut all {
+            for (section, value) in of_signals.iter_mut().zip(from) {
+                section.settle(*value);
+            }
+        }
+        if let [first, second] = all.as_mut_slice() {
             // copies stay in registers
             let (mut one, mut other) = (*first, *second);
-            for value in values {
-                *value = other.step(one.step(*value));
+            for row in rows {
+                for (signal, value) in row.iter_mut().enumerate() {
+                    *value = other[signal].step(one[signal].step(*value));
+                }
             }
-            (*first, *second) = (one, other);
         } else {
-            values.for_each(|value| *value = self.step(*value));
-        }
-    }
-
-    /// Puts the filter where an endless constant input would have put it: the next output for that input is the value.
-    pub fn reset(&mut self, value: f64) {
-        for section in &mut self.sections {
-            section.settle(value);
+            for row in rows {
+                for (signal, value) in row.iter_mut().enumerate() {
+                    let sections = all.iter_mut();
+                    *value = sections.fold(*value, |value, section| section[signal].step(value));
+                }
+            }
         }
     }
 }
@@ -173,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn passes_a_constant_and_resets_to_it() {
+    fn passes_a_constant_and_begins_at_one() {
         for order in 1..=ORDER_MAX {
             let mut filter = Butterworth::design(order, 20.0, 1500.0).expect("a valid filter");
             let last = (0..5000)
@@ -181,8 +194,22 @@ mod tests {
                 .last()
                 .expect("steps were taken");
             assert!((last - 3.0).abs() < 1e-9);
-            filter.reset(-7.0);
-            assert!((0..100).all(|_| (filter.step(-7.0) + 7.0).abs() < 1e-9));
+            let mut rows = [[-7.0, 2.0]; 100];
+            filter.run_from(&[-7.0, 2.0], rows.iter_mut());
+            let off = |[a, b]: &[f64; 2]| (a + 7.0).abs().max((b - 2.0).abs());
+            assert!(rows.iter().all(|row| off(row) < 1e-9));
+        }
+    }
+
+    #[test]
+    fn signals_side_by_side_are_filtered_as_each_alone() {
+        for order in [3, 4] {
+            let filter = Butterworth::design(order, 60.0, 1500.0).expect("a valid filter");
+            let input = |k: usize| [(0.3 * k as f64).sin(), (0.02 * k as f64).cos()];
+            let mut both: Vec<[f64; 2]> = (0..200).map(input).collect();
+            filter.run_from(&[0.0, 0.0], both.iter_mut());
+            let mut alone = filter.clone();
+            assert!((0..200).all(|k| both[k][1] == alone.step(input(k)[1])));
         }
     }
 

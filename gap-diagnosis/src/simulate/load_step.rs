@@ -17,6 +17,7 @@ pub(super) struct LoadStep {
 }
 
 impl LoadStep {
+    #[inline]
     pub(super) fn from(load: &Load, k: usize) -> Self {
         let next = (k + 1).min(load.torque_nm.len() - 1);
         let columns = [
@@ -33,6 +34,7 @@ impl LoadStep {
         }
     }
 
+    #[inline]
     pub(super) fn at(&self, model: &JointModel, share: f64, link_rad: f64) -> LinkLoad {
         let [inertia_kg_m2, torque_nm, slope_nm_rad, position_rad] =
             [0, 1, 2, 3].map(|i| self.from[i] + share * self.change[i]);
