@@ -18,6 +18,8 @@ const LOST_MIN: f64 = 0.002;
 const COARSER: f64 = 1.4;
 /// Of a step, by which a whole number of them may be off.
 const WHOLE: f64 = 0.05;
+/// Rows that move for each that moves by another number of steps than the one before, from which on the speed is even.
+const EVEN: usize = 50;
 /// A velocity that lags its own position by less is filtered as it should be.
 const LAG_MIN_S: f64 = 6e-4;
 /// The same, of the lag of a told filter and a backward difference.
@@ -181,7 +183,8 @@ fn steps(columns: &[JointColumns], signal: Signal) -> Vec<f64> {
 
 /// The smallest step of a signal between two rows that differ; none where its values are not in steps.
 fn step_of(columns: &[JointColumns], signal: Signal) -> Option<f64> {
-    let mut steps = steps(columns, signal);
+    let in_order = steps(columns, signal);
+    let mut steps = in_order.clone();
     steps.retain(|step| *step > 0.0);
     steps.sort_by(f64::total_cmp);
     // rounding makes steps of nothing: the smallest that many agree on
@@ -201,7 +204,16 @@ fn step_of(columns: &[JointColumns], signal: Signal) -> Option<f64> {
             step = product / square;
         }
     }
-    (whole * 10 > (steps.len() - first) * 9).then_some(step)
+    let is_in_steps = whole * 10 > (steps.len() - first) * 9;
+    (is_in_steps && !is_of_speed(&in_order, step)).then_some(step)
+}
+
+/// Whether rows of an even speed, each as far from the next, make these steps: an encoder's steps differ from row to row.
+fn is_of_speed(steps: &[f64], step: f64) -> bool {
+    let times = |steps: f64| (steps / step).round();
+    let changes = steps.windows(2).filter(|two| times(two[0]) != times(two[1]));
+    let moved = steps.iter().filter(|steps| times(**steps) > 0.0);
+    changes.count() * EVEN < moved.count()
 }
 
 fn coarse_encoder(
@@ -332,6 +344,10 @@ mod tests {
             (0..20_000).map(wave).collect(),
         )]);
         assert_eq!(step_of(&[smooth], Signal::MotorPositionRad), None);
+        // back and forth at one speed
+        let even = (0..20_000_i32).map(|k| 0.01 * f64::from((k % 4000 - 2000).abs()));
+        let even = columns(vec![(Signal::MotorPositionRad, even.collect())]);
+        assert_eq!(step_of(&[even], Signal::MotorPositionRad), None);
     }
 
     #[test]
