@@ -27,6 +27,7 @@ pub mod oracle;
 pub mod place;
 pub mod rank;
 pub mod refine;
+mod remembered;
 pub mod repeats;
 pub mod report;
 pub mod respond;

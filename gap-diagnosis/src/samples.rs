@@ -211,7 +211,9 @@ fn step_of(columns: &[JointColumns], signal: Signal) -> Option<f64> {
 /// Whether rows of an even speed, each as far from the next, make these steps: an encoder's steps differ from row to row.
 fn is_of_speed(steps: &[f64], step: f64) -> bool {
     let times = |steps: f64| (steps / step).round();
-    let changes = steps.windows(2).filter(|two| times(two[0]) != times(two[1]));
+    let changes = steps
+        .windows(2)
+        .filter(|two| times(two[0]) != times(two[1]));
     let moved = steps.iter().filter(|steps| times(**steps) > 0.0);
     changes.count() * EVEN < moved.count()
 }

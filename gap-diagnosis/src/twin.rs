@@ -12,6 +12,7 @@ use crate::joint::JointModel;
 use crate::known::{self, KnownValue};
 use crate::load::{Load, LoadChange, Motion};
 use crate::observe::{Band, Channel, channels};
+use crate::remembered::{Asked, Remembered};
 use crate::repeats::Place;
 use crate::rounding::Rounding;
 use crate::simulate::{Feedback, Noise, Substeps, Trace, simulate};
@@ -78,6 +79,7 @@ pub struct JointTwin<'a> {
     robot: &'a Robot,
     joint: usize,
     pieces: Vec<Piece<'a>>,
+    remembered: Remembered,
 }
 
 struct Piece<'a> {
@@ -153,6 +155,7 @@ impl<'a> JointTwin<'a> {
             robot,
             joint,
             pieces,
+            remembered: Remembered::default(),
         }))
     }
 
@@ -282,11 +285,23 @@ impl<'a> JointTwin<'a> {
         substeps: Substeps,
         seed: Option<u64>,
     ) -> Result<Vec<f64>, FilterError> {
+        let mut changes = changes.clone();
+        // known values that were not moved are none
+        let moved = changes.known.iter().rposition(|known| *known != 0.0);
+        changes.known.truncate(moved.map_or(0, |last| last + 1));
+        let asked = Asked {
+            changes,
+            substeps,
+            seed,
+        };
+        self.remembered.or(asked, |asked| self.made(asked))
+    }
+
+    fn made(&self, asked: &Asked) -> Result<Vec<f64>, FilterError> {
         let mut all = Vec::with_capacity(self.rows.len());
-        for piece in 0..self.pieces.len() {
-            let tracking = &self.pieces[piece].tracking;
-            let trace = self.trace(piece, changes, tracking, substeps, seed);
-            let piece = &self.pieces[piece];
+        for (place, piece) in self.pieces.iter().enumerate() {
+            let tracking = &piece.tracking;
+            let trace = self.trace(place, &asked.changes, tracking, asked.substeps, asked.seed);
             let columns =
                 piece
                     .band
