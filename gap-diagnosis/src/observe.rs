@@ -57,6 +57,9 @@ impl Channel {
 /// How many channels there are.
 const CHANNELS: usize = 4;
 
+/// Where channels are made, sample by sample.
+pub(crate) type Room = Vec<[f64; CHANNELS]>;
+
 /// How signals become channels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Band {
@@ -116,6 +119,7 @@ impl Band {
         stretch: &JointStretch,
         channels: &[Channel],
     ) -> Result<Vec<Vec<f64>>, FilterError> {
+        let mut room = Vec::new();
         let seen = Seen {
             motor_rad: &stretch.drive.motor_rad,
             link_rad: stretch.link_rad.as_deref(),
@@ -124,19 +128,20 @@ impl Band {
             command_nm: &stretch.drive.command_nm,
             joint_torque_nm: stretch.joint_torque_nm.as_deref(),
         };
-        self.each(nominal, &stretch.load, &seen, channels)
+        self.each(nominal, &stretch.load, &seen, channels, &mut room)
     }
 
-    /// The same channels of a simulation along that recording.
+    /// The same channels of a simulation along that recording. `room` is to work in, whatever was there before.
     ///
     /// # Errors
     /// [`FilterError`] for a cut-off outside zero to half the rate.
-    pub fn simulated(
+    pub(crate) fn simulated(
         &self,
         nominal: &JointModel,
         stretch: &JointStretch,
         trace: &Trace,
         channels: &[Channel],
+        room: &mut Room,
     ) -> Result<Vec<Vec<f64>>, FilterError> {
         let reports = stretch.has_torque_beside_command;
         let seen = Seen {
@@ -151,7 +156,7 @@ impl Band {
             command_nm: &trace.command_nm,
             joint_torque_nm: Some(&trace.joint_torque_nm),
         };
-        self.each(nominal, &stretch.load, &seen, channels)
+        self.each(nominal, &stretch.load, &seen, channels, room)
     }
 
     fn each(
@@ -160,6 +165,7 @@ impl Band {
         load: &Load,
         seen: &Seen<'_>,
         channels: &[Channel],
+        room: &mut Room,
     ) -> Result<Vec<Vec<f64>>, FilterError> {
         let samples = seen.motor_rad.len();
         let link_rad = seen.link_rad.unwrap_or(seen.motor_rad);
@@ -186,7 +192,8 @@ impl Band {
             }
             row
         };
-        let smooth = low_pass_together(samples, row_nm, self.cutoff_hz, self.rate_hz)?;
+        let band = [self.cutoff_hz, self.rate_hz];
+        let smooth = low_pass_together(room, samples, row_nm, band)?;
         let thinned = |place: usize| -> Vec<f64> {
             let kept = smooth.iter().step_by(self.stride());
             kept.map(|row| row[place]).collect()

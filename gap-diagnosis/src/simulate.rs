@@ -102,7 +102,7 @@ const PROBE_RAD: f64 = 1e-7;
 const HISTORY: usize = 256;
 
 /// Simulates the joint along a recording. Sensors are quantised and noisy only with `noise`; without it they are exact,
-/// as regressors want them.
+/// as regressors want them. What they showed is in `trace`, whatever was there before.
 pub fn simulate(
     model: &JointModel,
     feedback: &Feedback,
@@ -110,9 +110,10 @@ pub fn simulate(
     load: &Load,
     substeps: Substeps,
     mut noise: Option<&mut dyn Noise>,
-) -> Trace {
+    trace: &mut Trace,
+) {
     let samples = drive.motor_rad.len();
-    let mut trace = Trace::with_capacity(samples);
+    trace.empty(samples);
     let mut joint = State::at_start(model, drive, load);
     if let Some(noise) = noise.as_deref_mut() {
         // nobody knows where an encoder's steps lie
@@ -173,19 +174,21 @@ pub fn simulate(
         }
         joint.holding_nm = held_nm / substeps as f64;
     }
-    trace
 }
 
 impl Trace {
-    fn with_capacity(samples: usize) -> Self {
-        let column = || Vec::with_capacity(samples);
-        Self {
-            motor_rad: column(),
-            link_rad: column(),
-            command_nm: column(),
-            torque_nm: column(),
-            holding_nm: column(),
-            joint_torque_nm: column(),
+    /// With room for so many samples.
+    fn empty(&mut self, samples: usize) {
+        for column in [
+            &mut self.motor_rad,
+            &mut self.link_rad,
+            &mut self.command_nm,
+            &mut self.torque_nm,
+            &mut self.holding_nm,
+            &mut self.joint_torque_nm,
+        ] {
+            column.clear();
+            column.reserve(samples);
         }
     }
 
@@ -567,7 +570,9 @@ mod tests {
             slope_nm_rad: vec![0.0; samples],
         };
         let feedback = control::tracking(&robot, 0, 1.0 / drive.period_s);
-        simulate(model, &feedback, drive, &load, substeps, None)
+        let mut trace = Trace::default();
+        simulate(model, &feedback, drive, &load, substeps, None, &mut trace);
+        trace
     }
 
     fn swing_rad(time_s: f64) -> f64 {
@@ -632,7 +637,17 @@ mod tests {
                 coupling_nm: vec![0.0; 100],
                 slope_nm_rad: vec![0.0; 100],
             };
-            simulate(&prompt, &feedback, &drive, &load, Substeps::Fine, None).torque_nm
+            let mut trace = Trace::default();
+            simulate(
+                &prompt,
+                &feedback,
+                &drive,
+                &load,
+                Substeps::Fine,
+                None,
+                &mut trace,
+            );
+            trace.torque_nm
         };
         // just before sample 40 the command of sample 39 still acts; on a line it has come as far as a substep before 40
         let stays_nm = reported_nm(Between::Stays)[40];

@@ -10,26 +10,30 @@ const ORDER: usize = 4;
 /// # Errors
 /// [`FilterError`] for a cut-off outside zero to half the rate.
 pub fn low_pass(values: &[f64], cutoff_hz: f64, rate_hz: f64) -> Result<Vec<f64>, FilterError> {
-    let smooth = low_pass_together(values.len(), |k| [values[k]], cutoff_hz, rate_hz)?;
-    Ok(smooth.into_iter().map(|[value]| value).collect())
+    let mut padded = Vec::new();
+    let each = |k: usize| [values[k]];
+    let smooth = low_pass_together(&mut padded, values.len(), each, [cutoff_hz, rate_hz])?;
+    Ok(smooth.iter().map(|[value]| *value).collect())
 }
 
-/// The same for several signals at once, in little more time than for one: `at` gives one sample of each.
+/// The same for several signals at once, in little more time than for one: `at` gives one sample of each. `padded` is room to work
+/// in, whatever was there before.
 ///
 /// # Errors
 /// [`FilterError`] for a cut-off outside zero to half the rate.
 pub fn low_pass_together<const N: usize>(
+    padded: &mut Vec<[f64; N]>,
     samples: usize,
     at: impl Fn(usize) -> [f64; N],
-    cutoff_hz: f64,
-    rate_hz: f64,
-) -> Result<Vec<[f64; N]>, FilterError> {
+    [cutoff_hz, rate_hz]: [f64; 2],
+) -> Result<&[[f64; N]], FilterError> {
     let filter = Butterworth::design(ORDER, cutoff_hz, rate_hz)?;
     let Some(last) = samples.checked_sub(1) else {
-        return Ok(Vec::new());
+        return Ok(&[]);
     };
     let margin = ((3.0 * rate_hz / cutoff_hz) as usize).min(last);
-    let mut padded = vec![[0.0; N]; margin + samples + margin];
+    padded.clear();
+    padded.resize(margin + samples + margin, [0.0; N]);
     for k in 0..samples {
         padded[margin + k] = at(k);
     }
@@ -43,9 +47,7 @@ pub fn low_pass_together<const N: usize>(
     filter.run_from(&from, padded.iter_mut());
     let from = padded[padded.len() - 1];
     filter.run_from(&from, padded.iter_mut().rev());
-    padded.truncate(margin + samples);
-    padded.drain(..margin);
-    Ok(padded)
+    Ok(&padded[margin..margin + samples])
 }
 
 /// Central differences; one-sided at the ends.

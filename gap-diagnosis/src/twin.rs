@@ -1,6 +1,7 @@
 //! One joint's twin along all its recordings: what the channels would show if the joint were as told.
 
 use std::borrow::Cow;
+use std::sync::{Mutex, PoisonError};
 
 use joint_model::filter::FilterError;
 use rand_core::{RngCore, SeedableRng};
@@ -11,7 +12,7 @@ use crate::control;
 use crate::joint::JointModel;
 use crate::known::{self, KnownValue};
 use crate::load::{Load, LoadChange, Motion};
-use crate::observe::{Band, Channel, channels};
+use crate::observe::{Band, Channel, Room, channels};
 use crate::remembered::{Asked, Remembered};
 use crate::repeats::Place;
 use crate::rounding::Rounding;
@@ -80,6 +81,15 @@ pub struct JointTwin<'a> {
     joint: usize,
     pieces: Vec<Piece<'a>>,
     remembered: Remembered,
+    /// Of runs that are over.
+    benches: Mutex<Vec<Bench>>,
+}
+
+/// Where a run is made: of some megabytes, which are not asked for anew for each.
+#[derive(Debug, Default)]
+struct Bench {
+    trace: Trace,
+    room: Room,
 }
 
 struct Piece<'a> {
@@ -156,6 +166,7 @@ impl<'a> JointTwin<'a> {
             joint,
             pieces,
             remembered: Remembered::default(),
+            benches: Mutex::default(),
         }))
     }
 
@@ -298,38 +309,41 @@ impl<'a> JointTwin<'a> {
     }
 
     fn made(&self, asked: &Asked) -> Result<Vec<f64>, FilterError> {
+        let benches = || self.benches.lock().unwrap_or_else(PoisonError::into_inner);
+        let free = benches().pop();
+        let mut bench = free.unwrap_or_default();
+        let Bench { trace, room } = &mut bench;
         let mut all = Vec::with_capacity(self.rows.len());
         for (place, piece) in self.pieces.iter().enumerate() {
-            let tracking = &piece.tracking;
-            let trace = self.trace(place, &asked.changes, tracking, asked.substeps, asked.seed);
-            let columns =
-                piece
-                    .band
-                    .simulated(&self.nominal, piece.joint, &trace, &self.channels)?;
+            self.run(place, asked, &piece.tracking, trace);
+            let (of_joint, channels) = (piece.joint, &self.channels);
+            let columns = piece
+                .band
+                .simulated(&self.nominal, of_joint, trace, channels, room)?;
             all.extend(piece.pick(&columns));
         }
+        benches().push(bench);
         Ok(all)
     }
 
     /// Everything the sensors would show in one stretch under the robot file's controller.
     pub fn controlled(&self, piece: usize, changes: &Changes) -> Trace {
-        self.trace(
-            piece,
-            changes,
-            &self.pieces[piece].controller,
-            Substeps::Fine,
-            None,
-        )
+        let asked = Asked {
+            changes: changes.clone(),
+            substeps: Substeps::Fine,
+            seed: None,
+        };
+        let mut trace = Trace::default();
+        self.run(piece, &asked, &self.pieces[piece].controller, &mut trace);
+        trace
     }
 
-    fn trace(
-        &self,
-        piece: usize,
-        changes: &Changes,
-        feedback: &Feedback,
-        substeps: Substeps,
-        seed: Option<u64>,
-    ) -> Trace {
+    fn run(&self, piece: usize, asked: &Asked, feedback: &Feedback, trace: &mut Trace) {
+        let Asked {
+            changes,
+            substeps,
+            seed,
+        } = asked;
         let place = piece as u64;
         let piece = &self.pieces[piece];
         let mut model = self.nominal.clone();
@@ -344,7 +358,8 @@ impl<'a> JointTwin<'a> {
         let load = self.load(piece, changes);
         let mut sensors = seed.map(|seed| Sensors::new(seed, place));
         let noise = sensors.as_mut().map(|noise| noise as &mut dyn Noise);
-        let mut trace = simulate(&model, feedback, &piece.joint.drive, &load, substeps, noise);
+        let drive = &piece.joint.drive;
+        simulate(&model, feedback, drive, &load, *substeps, noise, trace);
         // what holds the joint is told as the drive would report it: a drive that gives less reports more
         for holding_nm in &mut trace.holding_nm {
             *holding_nm /= model.torque_gain;
@@ -355,7 +370,6 @@ impl<'a> JointTwin<'a> {
                 *holding_nm += model.gear_ratio * model.torque_noise_nm * sensors.normal();
             }
         }
-        trace
     }
 
     fn load(&self, piece: &Piece<'a>, changes: &Changes) -> Cow<'a, Load> {
