@@ -1,48 +1,44 @@
-//! Runs of a twin that were made before: a search that takes effects out and asks for them anew comes back to the same models.
+//! What was computed before: a search that takes effects out and asks for them anew comes back to the same models.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError};
 
-use crate::simulate::Substeps;
-use crate::twin::Changes;
-
-/// Runs that are kept, the oldest of which go first. With so many, between a twelfth and a quarter of a search's runs are found,
-/// and hardly more with any number.
-const RUNS: usize = 256;
-
-/// What a run depends on.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Asked {
-    pub changes: Changes,
-    pub substeps: Substeps,
-    /// Of the sensors' noise, if there is any.
-    pub seed: Option<u64>,
+/// The last values that were made, each with what it depends on.
+#[derive(Debug)]
+pub(crate) struct Remembered<Asked, Made> {
+    made: Mutex<VecDeque<(Asked, Made)>>,
+    most: usize,
 }
 
-/// The last runs of one twin.
-#[derive(Debug, Default)]
-pub(crate) struct Remembered {
-    runs: Mutex<VecDeque<(Asked, Vec<f64>)>>,
-}
+impl<Asked: PartialEq, Made: Clone> Remembered<Asked, Made> {
+    /// Keeps so many; the oldest go first.
+    pub fn at_most(most: usize) -> Self {
+        Self {
+            made: Mutex::default(),
+            most,
+        }
+    }
 
-impl Remembered {
-    /// What a run gave, from before or by making it. Two threads that ask for the same at once both make it.
+    /// What was asked for, from before or by making it. Two threads that ask for the same at once both make it.
     pub fn or<E>(
         &self,
         asked: Asked,
-        make: impl FnOnce(&Asked) -> Result<Vec<f64>, E>,
-    ) -> Result<Vec<f64>, E> {
-        let runs = || self.runs.lock().unwrap_or_else(PoisonError::into_inner);
-        let before = runs().iter().find(|run| run.0 == asked).cloned();
-        if let Some((_, made)) = before {
+        make: impl FnOnce(&Asked) -> Result<Made, E>,
+    ) -> Result<Made, E> {
+        let all = || self.made.lock().unwrap_or_else(PoisonError::into_inner);
+        let before = all()
+            .iter()
+            .find(|(other, _)| *other == asked)
+            .map(|(_, made)| made.clone());
+        if let Some(made) = before {
             return Ok(made);
         }
         let made = make(&asked)?;
-        let mut runs = runs();
-        if runs.len() >= RUNS {
-            runs.pop_front();
+        let mut all = all();
+        if all.len() >= self.most {
+            all.pop_front();
         }
-        runs.push_back((asked, made.clone()));
+        all.push_back((asked, made.clone()));
         Ok(made)
     }
 }
@@ -55,47 +51,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_run_is_made_once_for_what_it_depends_on() {
-        let asked = |known: f64, substeps, seed| Asked {
-            changes: Changes {
-                known: vec![known],
-                effects: Vec::new(),
-            },
-            substeps,
-            seed,
-        };
-        let all = [
-            asked(0.1, Substeps::Fine, None),
-            asked(0.2, Substeps::Fine, None),
-            asked(0.1, Substeps::Coarse, None),
-            asked(0.1, Substeps::Fine, Some(1)),
-        ];
-        let remembered = Remembered::default();
+    fn a_value_is_made_once_for_what_it_depends_on() {
+        let remembered = Remembered::at_most(3);
         let made = Cell::new(0);
-        let run = |asked: &Asked| {
-            let place = all.iter().position(|other| other == asked).unwrap();
-            let make = |_: &Asked| -> Result<Vec<f64>, ()> {
+        let square = |x: i32| {
+            let make = |x: &i32| -> Result<i32, ()> {
                 made.set(made.get() + 1);
-                Ok(vec![place as f64])
+                Ok(x * x)
             };
-            assert_eq!(remembered.or(asked.clone(), make), Ok(vec![place as f64]));
+            remembered.or(x, make).unwrap()
         };
-        all.iter().for_each(run);
-        all.iter().rev().for_each(run);
-        assert_eq!(made.get(), all.len());
-        // what failed is tried again
-        let failing = asked(0.3, Substeps::Fine, None);
-        assert_eq!(remembered.or(failing.clone(), |_| Err(())), Err(()));
-        assert_eq!(
-            remembered.or(failing, |_| Ok::<_, ()>(vec![7.0])),
-            Ok(vec![7.0])
-        );
-        // the oldest make room
-        for k in 0..RUNS {
-            let other = asked(1.0 + k as f64, Substeps::Fine, None);
-            remembered.or(other, |_| Ok::<_, ()>(Vec::new())).unwrap();
-        }
-        run(&all[0]);
-        assert_eq!(made.get(), all.len() + 1);
+        assert_eq!([1, 2, 3, 2, 1].map(square), [1, 4, 9, 4, 1]);
+        assert_eq!(made.get(), 3);
+        // the oldest makes room
+        assert_eq!([4, 3, 2, 1].map(square), [16, 9, 4, 1]);
+        assert_eq!(made.get(), 5);
+    }
+
+    #[test]
+    fn what_failed_is_tried_again() {
+        let remembered = Remembered::at_most(3);
+        assert_eq!(remembered.or(1, |_| Err("no")), Err("no"));
+        assert_eq!(remembered.or(1, |_| Ok::<_, ()>(7)), Ok(7));
     }
 }

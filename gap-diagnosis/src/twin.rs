@@ -1,7 +1,7 @@
 //! One joint's twin along all its recordings: what the channels would show if the joint were as told.
 
-use std::borrow::Cow;
-use std::sync::{Mutex, PoisonError};
+use std::convert::Infallible;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use joint_model::filter::FilterError;
 use rand_core::{RngCore, SeedableRng};
@@ -13,7 +13,7 @@ use crate::joint::JointModel;
 use crate::known::{self, KnownValue};
 use crate::load::{Load, LoadChange, Motion};
 use crate::observe::{Band, Channel, Room, channels};
-use crate::remembered::{Asked, Remembered};
+use crate::remembered::Remembered;
 use crate::repeats::Place;
 use crate::rounding::Rounding;
 use crate::simulate::{Feedback, Noise, Substeps, Trace, simulate};
@@ -28,6 +28,12 @@ const START_S: f64 = 0.5;
 const END_S: f64 = 0.1;
 /// Half the time over which the low-pass spreads what happens in an instant.
 const AROUND_S: f64 = 0.06;
+
+/// Runs that are remembered. With so many, between a twelfth and a quarter of a search's runs are found again, and hardly more with
+/// any number.
+const RUNS: usize = 256;
+/// Loads that are remembered: runs that follow one another mostly share theirs.
+const LOADS: usize = 8;
 
 /// One sample of one channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,6 +73,15 @@ pub struct Changes {
     pub effects: Vec<Effect>,
 }
 
+impl Changes {
+    /// The same without the known values behind the last one that was moved.
+    fn without_rest(mut self) -> Self {
+        let moved = self.known.iter().rposition(|known| *known != 0.0);
+        self.known.truncate(moved.map_or(0, |last| last + 1));
+        self
+    }
+}
+
 /// One joint along its recordings.
 pub struct JointTwin<'a> {
     /// As the robot file has it.
@@ -80,9 +95,18 @@ pub struct JointTwin<'a> {
     robot: &'a Robot,
     joint: usize,
     pieces: Vec<Piece<'a>>,
-    remembered: Remembered,
+    runs: Remembered<Asked, Vec<f64>>,
     /// Of runs that are over.
     benches: Mutex<Vec<Bench>>,
+}
+
+/// What a run depends on.
+#[derive(Clone, Debug, PartialEq)]
+struct Asked {
+    changes: Changes,
+    substeps: Substeps,
+    /// Of the sensors' noise, if there is any.
+    seed: Option<u64>,
 }
 
 /// Where a run is made: of some megabytes, which are not asked for anew for each.
@@ -105,6 +129,8 @@ struct Piece<'a> {
     link_inertia: LoadChange,
     /// How the load changes with payload and tilt.
     whole_arm: WholeArm,
+    /// Loads that changes made of the recorded motion's.
+    loads: Remembered<Changes, Arc<Load>>,
     /// Of the motor above the band, beyond what is usual.
     vibration_rad_s2: Vec<f64>,
     /// Of the thinned samples, those that count.
@@ -165,7 +191,7 @@ impl<'a> JointTwin<'a> {
             robot,
             joint,
             pieces,
-            remembered: Remembered::default(),
+            runs: Remembered::at_most(RUNS),
             benches: Mutex::default(),
         }))
     }
@@ -296,16 +322,12 @@ impl<'a> JointTwin<'a> {
         substeps: Substeps,
         seed: Option<u64>,
     ) -> Result<Vec<f64>, FilterError> {
-        let mut changes = changes.clone();
-        // known values that were not moved are none
-        let moved = changes.known.iter().rposition(|known| *known != 0.0);
-        changes.known.truncate(moved.map_or(0, |last| last + 1));
         let asked = Asked {
-            changes,
+            changes: changes.clone().without_rest(),
             substeps,
             seed,
         };
-        self.remembered.or(asked, |asked| self.made(asked))
+        self.runs.or(asked, |asked| self.made(asked))
     }
 
     fn made(&self, asked: &Asked) -> Result<Vec<f64>, FilterError> {
@@ -372,21 +394,41 @@ impl<'a> JointTwin<'a> {
         }
     }
 
-    fn load(&self, piece: &Piece<'a>, changes: &Changes) -> Cow<'a, Load> {
-        let mut load = Cow::Borrowed(&piece.joint.load);
+    /// What the joint carries with these changes.
+    fn load(&self, piece: &Piece<'a>, changes: &Changes) -> Arc<Load> {
+        let is_of_load = |effect: &&Effect| {
+            effect.is_whole_arm() || matches!(effect, Effect::LinkInertia { .. })
+        };
+        let known = changes.known.iter().zip(&piece.links);
+        let of_load = Changes {
+            known: known
+                .map(|(deviations, link)| link.as_ref().map_or(0.0, |_| *deviations))
+                .collect(),
+            effects: changes.effects.iter().filter(is_of_load).cloned().collect(),
+        };
+        let made = piece.loads.or(of_load.without_rest(), |changes| {
+            Ok::<_, Infallible>(Arc::new(self.changed_load(piece, changes)))
+        });
+        match made {
+            Ok(load) => load,
+        }
+    }
+
+    fn changed_load(&self, piece: &Piece<'a>, changes: &Changes) -> Load {
+        let mut load = piece.joint.load.clone();
         let motion = &piece.stretch.motion;
         let whole_arm = &piece.whole_arm;
         if let Some(change) = whole_arm.change(&self.robot.chain, motion, &changes.effects) {
-            load.to_mut().add(&change, 1.0);
+            load.add(&change, 1.0);
         }
         for effect in &changes.effects {
             if let Effect::LinkInertia { inertia_kg_m2 } = *effect {
-                load.to_mut().add(&piece.link_inertia, inertia_kg_m2);
+                load.add(&piece.link_inertia, inertia_kg_m2);
             }
         }
         for (change, deviations) in piece.links.iter().zip(&changes.known) {
             if let Some(change) = change.as_ref().filter(|_| *deviations != 0.0) {
-                load.to_mut().add(change, *deviations);
+                load.add(change, *deviations);
             }
         }
         load
@@ -432,6 +474,7 @@ impl<'a> Piece<'a> {
             joint: signals,
             link_inertia,
             whole_arm: WholeArm::of(joint),
+            loads: Remembered::at_most(LOADS),
             tracking,
             controller,
             band,
