@@ -148,6 +148,13 @@ impl Butterworth {
             }
         }
     }
+
+    /// Puts the filter where an endless constant input would have put it: the next output for that input is the value.
+    pub fn reset(&mut self, value: f64) {
+        for section in &mut self.sections {
+            section.settle(value);
+        }
+    }
 }
 
 #[cfg(test)]
