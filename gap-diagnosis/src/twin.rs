@@ -32,8 +32,8 @@ const AROUND_S: f64 = 0.06;
 /// Runs that are remembered. With so many, between a twelfth and a quarter of a search's runs are found again, and hardly more with
 /// any number.
 const RUNS: usize = 256;
-/// Loads that are remembered: runs that follow one another mostly share theirs.
-const LOADS: usize = 8;
+/// Loads that are remembered, of two megabytes each: runs that follow one another mostly share theirs.
+const LOADS: usize = 2;
 
 /// One sample of one channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
