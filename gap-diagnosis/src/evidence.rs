@@ -26,6 +26,8 @@ const AT_REVERSALS_ALWAYS: [&str; 3] = [
 ];
 /// What damping of the gear costs beside: below the band's limit it makes next to no torque.
 const DAMPING: f64 = 6.0;
+/// What a slow current loop costs beside: every drive's is, a little.
+const EVERY_LOOP: f64 = 14.0;
 /// What an effect costs beside whose law the robot file has already, refitted: the twin's version of it is not the robot's.
 const IN_FILE: f64 = 35.0;
 /// What twist of the gear costs beside in an arm: the other links' torque swings with the twist of their gears.
@@ -131,6 +133,9 @@ fn cost(ranking: &Ranking, hypothesis: &Hypothesis) -> f64 {
         0.0
     };
     let mut beside = beside + Trust::of(ranking.joints).naming_nats;
+    if hypothesis.effect == "current_loop_lag" {
+        beside += EVERY_LOOP;
+    }
     if is_twist && ranking.joints > 1 {
         beside += OTHERS_TWIST;
     }
