@@ -312,8 +312,11 @@ impl Standings {
 
     /// Nothing beyond noise: no explanation is worth naming.
     pub fn quiet(&mut self) {
+        let best = self.effects.iter().map(|(_, nats)| *nats);
+        // what comes nearest stays nearest
+        let over = (best.fold(f64::NEG_INFINITY, f64::max) + NAMING).max(0.0);
         for (_, nats) in &mut self.effects {
-            *nats = nats.min(-NAMING);
+            *nats -= over;
         }
     }
 
@@ -490,6 +493,23 @@ mod tests {
         // responses in proportion say nothing of a joint at rest
         assert_eq!(shared_nats(&[40.0, 32.0], false), Some(40.0));
         assert_eq!(shared_nats(&[], false), None);
+    }
+
+    #[test]
+    fn what_comes_nearest_within_the_noise_stays_nearest() {
+        let quiet = |effects: &[(usize, f64)]| {
+            let mut standings = Standings {
+                effects: effects.to_vec(),
+            };
+            standings.quiet();
+            standings.effects
+        };
+        assert_eq!(
+            quiet(&[(2, 13.0), (0, 3.0)]),
+            [(2, -NAMING), (0, -NAMING - 10.0)]
+        );
+        // what is worth less than that already is left alone
+        assert_eq!(quiet(&[(1, -9.0)]), [(1, -9.0)]);
     }
 
     #[test]
