@@ -54,9 +54,14 @@ pub(crate) fn pairs(told: &Told<'_>) -> Vec<Confusable> {
     if told.poverty.is_some() && told.added().next().is_none() {
         all.extend(hidden_by_known(told, told.last()));
     }
-    let names_one = |pair: &Confusable| pair.effects.iter().any(|e| SAME_TORQUE.contains(&&**e));
-    if let Some(place) = all.iter().position(names_one) {
-        all.insert(place + 1, pair(told, SAME_TORQUE, 0.0));
+    let is_one = |effect: &str| SAME_TORQUE.contains(&effect);
+    let names_one = |pair: &Confusable| pair.effects.iter().any(|effect| is_one(effect));
+    match all.iter().position(names_one) {
+        Some(place) => all.insert(place + 1, pair(told, SAME_TORQUE, 0.0)),
+        None if told.added().any(|step| step.added.is_some_and(is_one)) => {
+            all.insert(0, pair(told, SAME_TORQUE, 0.0));
+        }
+        None => {}
     }
     let mut seen: Vec<[String; 2]> = Vec::new();
     all.retain(|pair| {

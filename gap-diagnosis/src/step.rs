@@ -222,6 +222,15 @@ impl Step {
             .map_or(0.0, |p| p.probability)
     }
 
+    /// What each effect is worth, in nats.
+    pub(crate) fn nats_by_name(&self) -> Vec<(&'static str, f64)> {
+        let effects = self.standings.effects.iter();
+        let scored = &self.round.ranking.scored;
+        effects
+            .map(|(index, nats)| (scored[*index].hypothesis.effect, *nats))
+            .collect()
+    }
+
     /// Whether something outweighs `none`: several effects that are alike may only do so together.
     pub fn outweighs_none(&self) -> bool {
         self.probability_of("none") < NONE_MOST

@@ -7,7 +7,7 @@ use robot::Effect;
 
 use crate::confuse;
 use crate::diagnose::JointTraces;
-use crate::evidence::{Remains, most_left};
+use crate::evidence::{Remains, SAME_TORQUE, most_left};
 use crate::explain::Explanation;
 use crate::found::Found;
 use crate::judge;
@@ -29,6 +29,13 @@ const ABOVE_FLOOR: f64 = 3.0;
 const COUNTED: f64 = 0.97;
 /// How often a sure diagnosis was wrong on development cases.
 const RISK: f64 = 0.06;
+/// Part of it that is the risk of something on no list: of the wrong answers to development cases that had one most were another
+/// name of the list, or none.
+const RISK_OF_UNKNOWN: f64 = 0.25;
+/// Nats over which the rest of it falls from what comes nearest to what comes next.
+const RISK_NATS: f64 = 10.0;
+/// Probability below which an effect that was tried is no answer.
+const RULED_OUT: f64 = 1e-3;
 /// Share of the candidates that are beside the first cause.
 const BESIDE: f64 = 0.15;
 /// Candidates less probable than this are not listed.
@@ -176,7 +183,13 @@ impl Told<'_> {
             candidate.probability /= total;
         }
         all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-        with_risk(&mut all);
+        let asked = steps
+            .iter()
+            .max_by(|a, b| a.best_nats.total_cmp(&b.best_nats));
+        with_risk(
+            &mut all,
+            &asked.map_or_else(Vec::new, |step| step.nats_by_name()),
+        );
         all
     }
 
@@ -192,11 +205,16 @@ impl Told<'_> {
         let is_named = |name: &String| effects.iter().any(|effect| effect.effect == *name);
         let concerns_named =
             |pair: &&Confusable| effects.is_empty() || pair.effects.iter().any(is_named);
+        // on poor motion laws that are nearly the same differ by less than any law is off, whatever the evidence says
+        let is_tenable = |pair: &&Confusable| {
+            self.poverty.is_some() || !pair.effects.iter().any(|name| self.is_ruled_out(name))
+        };
         if remains != Remains::Nothing {
             Verdict::PartlyExplained
         } else if confusable
             .iter()
             .filter(concerns_named)
+            .filter(is_tenable)
             .any(|pair| pair.distance < confuse::DISTANCE_MIN || self.poverty.is_some())
             || effects.iter().any(|effect| effect.probability < 0.5)
         {
@@ -206,6 +224,15 @@ impl Told<'_> {
         } else {
             Verdict::Explained
         }
+    }
+
+    /// Whether an effect was tried and is no answer, however near its response is to one's.
+    fn is_ruled_out(&self, effect: &str) -> bool {
+        let of_steps = self.added().filter_map(|step| {
+            let mut all = step.probabilities.iter();
+            all.find(|p| p.effect == effect).map(|p| p.probability)
+        });
+        is_ruled_out(effect, of_steps)
     }
 
     fn reason(&self, verdict: Verdict, effects: &[NamedEffect], gap: &Gap) -> String {
@@ -336,6 +363,13 @@ impl Told<'_> {
     }
 }
 
+/// Whether an effect of these probabilities, in the steps that tried it, is no answer. A response that known values off by more than
+/// their tolerances imitate is no other answer as long as the effect they are called after is none.
+fn is_ruled_out(effect: &str, of_steps: impl Iterator<Item = f64>) -> bool {
+    let most = of_steps.reduce(f64::max);
+    !SAME_TORQUE.contains(&effect) && most.is_some_and(|most| most < RULED_OUT)
+}
+
 /// Whether names leave a gap that is larger than the floor and no small part of what it was.
 fn falls_short(gap: &Gap) -> bool {
     let torque = &gap.torque_rms_nm;
@@ -371,17 +405,50 @@ fn merge_harmonics(effects: &mut Vec<NamedEffect>) {
     *effects = merged;
 }
 
-/// The diagnosis itself may be wrong: what development cases showed goes to `unknown`, or to `none` where that leads.
-fn with_risk(all: &mut [Candidate]) {
-    let other = match all.first() {
-        Some(first) if first.effect == "unknown" => "none",
-        _ => "unknown",
+/// The diagnosis itself may be wrong: what development cases showed goes to the other names by what would remain of their evidence if it
+/// were worth less than was thought, and a part to `unknown`, or to `none` where that leads. Effects are given with their nats.
+fn with_risk(all: &mut Vec<Candidate>, effects: &[(&str, f64)]) {
+    let leading = all
+        .first()
+        .map_or_else(String::new, |first| first.effect.clone());
+    let rest_to = if leading == "unknown" {
+        "none"
+    } else {
+        "unknown"
     };
     for candidate in all.iter_mut() {
         candidate.probability *= 1.0 - RISK;
     }
-    if let Some(other) = all.iter_mut().find(|candidate| candidate.effect == other) {
-        other.probability += RISK;
+    // what is as probable as the leading answer gets none of it, and so does not overtake that
+    let most = all.first().map_or(1.0, |first| first.probability.max(1e-9));
+    let missing = |effect: &str| {
+        let mut own = all.iter().filter(|candidate| candidate.effect == effect);
+        1.0 - own.next().map_or(0.0, |own| own.probability / most)
+    };
+    let others = effects.iter().filter(|(effect, _)| *effect != leading);
+    let best = others.clone().map(|(_, nats)| *nats);
+    let best = best.fold(f64::NEG_INFINITY, f64::max);
+    let near = |nats: f64| ((nats - best) / RISK_NATS).exp();
+    let sum: f64 = others.clone().map(|(_, nats)| near(*nats)).sum();
+    let shares: Vec<(&str, f64)> = others
+        .map(|(effect, nats)| (*effect, near(*nats) / sum * missing(effect)))
+        .map(|(effect, part)| (effect, (1.0 - RISK_OF_UNKNOWN) * RISK * part))
+        .filter(|(_, share)| *share >= LISTED_MIN)
+        .collect();
+    let rest = RISK - shares.iter().map(|(_, share)| share).sum::<f64>();
+    let mut add = |effect: &str, probability: f64| match all
+        .iter_mut()
+        .find(|candidate| candidate.effect == effect)
+    {
+        Some(candidate) => candidate.probability += probability,
+        None => all.push(Candidate {
+            effect: effect.to_owned(),
+            probability,
+        }),
+    };
+    add(rest_to, rest);
+    for (effect, share) in shares {
+        add(effect, share);
     }
     all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
 }
@@ -460,6 +527,48 @@ mod tests {
             side: None,
             shrink_alone: 0.1 * cycles,
         }
+    }
+
+    fn candidates(of: &[(&str, f64)]) -> Vec<Candidate> {
+        let of = of.iter().map(|(effect, probability)| Candidate {
+            effect: (*effect).to_owned(),
+            probability: *probability,
+        });
+        of.collect()
+    }
+
+    #[test]
+    fn the_risk_goes_to_what_comes_nearest_and_changes_no_order() {
+        let near = [("viscous_friction", -4.0), ("stribeck_friction", -8.0)];
+        let mut all = candidates(&[("none", 0.99), ("viscous_friction", 0.01), ("unknown", 0.0)]);
+        with_risk(&mut all, &near);
+        let names: Vec<&str> = all.iter().map(|one| one.effect.as_str()).collect();
+        assert_eq!(
+            names,
+            ["none", "viscous_friction", "stribeck_friction", "unknown"]
+        );
+        let sum: f64 = all.iter().map(|one| one.probability).sum();
+        assert!((sum - 1.0).abs() < 1e-12);
+        // as probable as the leading one, or nearly
+        let near = [("a", 50.0), ("b", 50.0), ("c", 49.9)];
+        let mut all = candidates(&[("a", 0.34), ("b", 0.34), ("c", 0.32), ("unknown", 0.0)]);
+        with_risk(&mut all, &near);
+        assert_eq!(all[0].effect, "a");
+        assert_eq!(all[0].probability, all[1].probability);
+        assert_eq!(all[2].effect, "c");
+        // nothing comes near what is on no list
+        let mut all = candidates(&[("unknown", 1.0), ("none", 0.0)]);
+        with_risk(&mut all, &[]);
+        assert!((all[1].probability - RISK).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_was_tried_and_is_improbable_is_no_other_answer() {
+        assert!(is_ruled_out("payload", [1e-6, 1e-4].into_iter()));
+        assert!(!is_ruled_out("payload", [1e-6, 0.2].into_iter()));
+        // what was not tried is not ruled out, nor what nothing tells from another
+        assert!(!is_ruled_out("payload", std::iter::empty()));
+        assert!(!is_ruled_out("torque_offset", [1e-6].into_iter()));
     }
 
     #[test]

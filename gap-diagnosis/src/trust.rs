@@ -26,7 +26,7 @@ const ALONE: Trust = Trust {
     by_file: 0.3,
     by_known: 0.1,
     of_any_shape: 2.0,
-    least: 0.7,
+    least: 0.2,
     naming_nats: 0.0,
     friction_nats: 90.0,
     rest_nats: 45.0,
