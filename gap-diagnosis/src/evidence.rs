@@ -24,6 +24,8 @@ const AT_REVERSALS_ALWAYS: [&str; 3] = [
     "structural_damping",
     "torsional_hysteresis",
 ];
+/// Those of them that a gear loses as it twists, whatever encoders there are.
+const LOSSES_OF_TWIST: [&str; 2] = ["structural_damping", "torsional_hysteresis"];
 /// What damping of the gear costs beside: below the band's limit it makes next to no torque.
 const DAMPING: f64 = 6.0;
 /// What a slow current loop costs beside: every drive's is, a little.
@@ -34,6 +36,9 @@ const IN_FILE: f64 = 35.0;
 const OTHERS_TWIST: f64 = 12.0;
 /// Those that show elsewhere only to a second encoder or a torque sensor.
 const AT_REVERSALS_UNSEEN: [&str; 3] = ["torsional_compliance", "soft_windup", "backlash"];
+/// What twist of the gear takes off counts in units of this part of the floor's square at least: it shows at reversals, where rows
+/// count so little that next to nothing is left of them, however wrong the twin is there.
+const TWIST_LEAST: f64 = 0.7;
 /// Part of what the named effects are worth that may be left in such torques: no law is exact.
 const INEXACT: f64 = 0.05;
 /// Left beyond this part, the named effects only imitate something else.
@@ -111,15 +116,26 @@ fn variance(ranking: &Ranking) -> f64 {
 fn nats(ranking: &Ranking, scored: &Scored, variance: f64) -> f64 {
     let errors = ranking.none.total() - scored.held_out.total();
     let spared = ranking.none_strain - scored.strain;
-    worth(ranking, scored, errors / variance, spared)
+    worth(ranking, scored, [errors, variance], spared)
 }
 
-/// What taking so much off squares and strain is worth for this effect.
-fn worth(ranking: &Ranking, scored: &Scored, errors: f64, spared: f64) -> f64 {
+/// What taking so much off squares, in units of a variance, and off strain is worth for this effect.
+fn worth(ranking: &Ranking, scored: &Scored, [errors, variance]: [f64; 2], spared: f64) -> f64 {
+    let errors = errors / variance_for(scored.hypothesis.effect, ranking.sees_torsion, variance);
     let gain = tempered(errors - ranking.roughness) + 0.5 * spared;
     let nats = gain - cost(ranking, &scored.hypothesis);
     // a response that is no number explains nothing
     if nats.is_finite() { nats } else { NOTHING }
+}
+
+/// The variance in which what this effect takes off counts.
+fn variance_for(effect: &str, sees_torsion: bool, variance: f64) -> f64 {
+    let is_hidden = AT_REVERSALS_UNSEEN.contains(&effect) && !sees_torsion;
+    if is_hidden || LOSSES_OF_TWIST.contains(&effect) {
+        variance.max(TWIST_LEAST)
+    } else {
+        variance
+    }
 }
 
 /// What naming this effect costs, in nats.
@@ -185,10 +201,14 @@ pub fn together<'a>(
     variance: f64,
     effects: impl IntoIterator<Item = &'a Hypothesis>,
 ) -> f64 {
-    let errors = (without.square - left.square) / variance;
     let spared = without.strain - left.strain;
-    let costs = effects.into_iter().map(|effect| cost(ranking, effect));
-    tempered(errors) + 0.5 * spared - costs.sum::<f64>()
+    let (mut costs, mut variance) = (0.0, variance);
+    for effect in effects {
+        costs += cost(ranking, effect);
+        variance = variance_for(effect.effect, ranking.sees_torsion, variance);
+    }
+    let errors = (without.square - left.square) / variance;
+    tempered(errors) + 0.5 * spared - costs
 }
 
 /// The part of squared errors that noise and twin error make up: more than one where they are larger than thought, less
@@ -333,9 +353,9 @@ impl Standings {
         // by what it leaves, and with what its size is in doubt
         let values = |simulated: &Simulated| {
             let scored = &ranking.scored[simulated.index];
-            let errors = (without.square - simulated.left.square) / variance;
+            let errors = without.square - simulated.left.square;
             let spared = without.strain - simulated.left.strain;
-            let worth = worth(ranking, scored, errors, spared);
+            let worth = worth(ranking, scored, [errors, variance], spared);
             let values = scored.hypothesis.amplitudes() + scored.hypothesis.shape.len();
             let cost = naming(values) + Trust::of(ranking.joints).naming_nats;
             let certainty = simulated
@@ -484,6 +504,17 @@ mod tests {
         // within what a twin of the law gets wrong it is worth nothing, and nothing is owed
         let all = [[-10.0, -10.0], [12.0, 12.0], [3.0, 3.0]];
         assert_eq!(of(all), [-10.0, 12.0, 3.0]);
+    }
+
+    #[test]
+    fn twist_is_not_judged_by_how_little_is_left_at_reversals() {
+        assert_eq!(variance_for("viscous_friction", true, 0.2), 0.2);
+        for sees_torsion in [true, false] {
+            let of = |variance| variance_for("structural_damping", sees_torsion, variance);
+            assert_eq!([0.2, 3.0].map(of), [TWIST_LEAST, 3.0]);
+        }
+        assert_eq!(variance_for("backlash", true, 0.2), 0.2);
+        assert_eq!(variance_for("backlash", false, 0.2), TWIST_LEAST);
     }
 
     #[test]
