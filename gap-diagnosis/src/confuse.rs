@@ -2,13 +2,14 @@
 
 use robot::Effect;
 
+use crate::data::ONE_FREQUENCY;
 use crate::evidence::SAME_TORQUE;
 use crate::known::Known;
 use crate::rank::Scored;
 use crate::report::Confusable;
 use crate::simulate::Between;
 use crate::stage::Stage;
-use crate::step::Step;
+use crate::step::{Step, TWIST};
 use crate::tell::{Told, names};
 
 /// Two explanations nearer than this cannot be told apart.
@@ -17,6 +18,9 @@ pub(crate) const DISTANCE_MIN: f64 = 9.0;
 /// the squared response that the other one leaves, and that all known values together leave.
 const ALIKE_PART: f64 = 0.05;
 const ALIKE_TO_KNOWN_PART: f64 = 0.1;
+/// A gear's stiffness, and what it is like at one frequency where nobody sees its twist.
+const SOFT_GEAR: &str = "torsional_compliance";
+const INERTIAS: [&str; 2] = ["rotor_inertia", "link_inertia"];
 /// Pairs that are shown.
 const PAIRS_MAX: usize = 24;
 /// Nats by which an explanation must lead one that is near to it.
@@ -38,6 +42,7 @@ pub(crate) fn pairs(told: &Told<'_>) -> Vec<Confusable> {
         all.extend(imitated_by_known(told, step, own));
     }
     all.extend(lost_or_slow(told));
+    all.extend(in_step(told));
     let candidates = told.candidates();
     let probable = |pair: &Confusable| -> f64 {
         let of = |name: &String| {
@@ -73,6 +78,42 @@ pub(crate) fn pairs(told: &Told<'_>) -> Vec<Confusable> {
     });
     all.truncate(PAIRS_MAX);
     all
+}
+
+/// A soft gear and inertia at one frequency, seen from the motor alone: if one of them was named, or nothing that could hide them.
+fn in_step(told: &Told<'_>) -> Vec<Confusable> {
+    let is_unseen = !told.last().round.ranking.sees_torsion;
+    if told.poverty != Some(ONE_FREQUENCY) || !is_unseen {
+        return Vec::new();
+    }
+    let named: Vec<&str> = told.added().filter_map(|step| step.added).collect();
+    let hypotheses = &told.search.hypotheses;
+    let is_possible = |name: &str| hypotheses.iter().any(|of| of.effect == name);
+    let pairs = in_step_pairs(&named).into_iter();
+    let pairs = pairs.filter(|pair| pair.iter().all(|name| is_possible(name)));
+    let told = pairs.map(|pair| Confusable {
+        effects: pair.map(str::to_owned),
+        distance: 0.0,
+        reason: "one frequency only: there stiffness and inertia are one number each, a torque in step with the acceleration; only \
+                 the swinging that friction sets off at reversals tells them apart"
+            .to_owned(),
+    });
+    told.collect()
+}
+
+/// Driven at one frequency, what is linear shows at that frequency only, as two numbers: in step with the acceleration, and with
+/// the velocity, where friction is. Windup and backlash are one stiffness at one amplitude. A twin does part them, by the swinging
+/// that friction sets off at reversals, which stays out of it: the distance is of the frequency that the joint was driven at.
+fn in_step_pairs(named: &[&str]) -> Vec<[&'static str; 2]> {
+    let twist = TWIST.into_iter().find(|twist| named.contains(twist));
+    let is_inertia = INERTIAS.iter().any(|inertia| named.contains(inertia));
+    if twist.is_none() && !is_inertia && !named.is_empty() {
+        return Vec::new();
+    }
+    let other_twist = twist.filter(|twist| *twist != SOFT_GEAR);
+    let other_twist = other_twist.map(|twist| [twist, SOFT_GEAR]);
+    let inertias = INERTIAS.map(|inertia| [SOFT_GEAR, inertia]);
+    inertias.into_iter().chain(other_twist).collect()
 }
 
 /// Commands that the drive leaves out, where a current loop was found slow by what it does on the whole: holding the command before
@@ -250,6 +291,19 @@ fn why(told: &Told<'_>, pair: [&str; 2]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn at_one_frequency_a_stiffness_is_an_inertia_whatever_of_both_was_named() {
+        let both = INERTIAS.map(|inertia| [SOFT_GEAR, inertia]);
+        for named in [SOFT_GEAR, "rotor_inertia", "link_inertia"] {
+            assert_eq!(in_step_pairs(&[named]), both);
+        }
+        // within the known values' tolerance either hides behind the other
+        assert_eq!(in_step_pairs(&[]), both);
+        assert!(in_step_pairs(&["soft_windup"]).contains(&["soft_windup", SOFT_GEAR]));
+        assert!(in_step_pairs(&["backlash", "coulomb_friction"]).len() > both.len());
+        assert!(in_step_pairs(&["coulomb_friction"]).is_empty());
+    }
 
     #[test]
     fn lost_commands_are_told_from_a_slow_loop_by_steps_above_the_noise() {

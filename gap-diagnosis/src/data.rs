@@ -57,6 +57,9 @@ fn check_joint(joint: &RobotJoint) -> CheckJoint {
     }
 }
 
+/// Of the motion of a joint, in words.
+pub(crate) const ONE_FREQUENCY: &str = "one frequency only";
+
 /// What was found in all recordings.
 pub(crate) struct Checked {
     findings: Vec<Finding>,
@@ -103,7 +106,7 @@ impl Checked {
             match finding.kind {
                 FindingKind::OneSpeed => Some("one speed only"),
                 FindingKind::OneDirection => Some("one direction only"),
-                FindingKind::OneFrequency => Some("one frequency only"),
+                FindingKind::OneFrequency => Some(ONE_FREQUENCY),
                 _ => None,
             }
         })
