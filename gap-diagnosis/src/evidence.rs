@@ -36,9 +36,6 @@ const IN_FILE: f64 = 35.0;
 const OTHERS_TWIST: f64 = 12.0;
 /// Those that show elsewhere only to a second encoder or a torque sensor.
 const AT_REVERSALS_UNSEEN: [&str; 3] = ["torsional_compliance", "soft_windup", "backlash"];
-/// What twist of the gear takes off counts in units of this part of the floor's square at least: it shows at reversals, where rows
-/// count so little that next to nothing is left of them, however wrong the twin is there.
-const TWIST_LEAST: f64 = 0.7;
 /// Part of what the named effects are worth that may be left in such torques: no law is exact.
 const INEXACT: f64 = 0.05;
 /// Left beyond this part, the named effects only imitate something else.
@@ -116,26 +113,31 @@ fn variance(ranking: &Ranking) -> f64 {
 fn nats(ranking: &Ranking, scored: &Scored, variance: f64) -> f64 {
     let errors = ranking.none.total() - scored.held_out.total();
     let spared = ranking.none_strain - scored.strain;
-    worth(ranking, scored, [errors, variance], spared)
+    worth(ranking, scored, errors / variance, spared)
 }
 
-/// What taking so much off squares, in units of a variance, and off strain is worth for this effect.
-fn worth(ranking: &Ranking, scored: &Scored, [errors, variance]: [f64; 2], spared: f64) -> f64 {
-    let errors = errors / variance_for(scored.hypothesis.effect, ranking.sees_torsion, variance);
+/// What taking so much off squares and strain is worth for this effect.
+fn worth(ranking: &Ranking, scored: &Scored, errors: f64, spared: f64) -> f64 {
     let gain = tempered(errors - ranking.roughness) + 0.5 * spared;
     let nats = gain - cost(ranking, &scored.hypothesis);
     // a response that is no number explains nothing
     if nats.is_finite() { nats } else { NOTHING }
 }
 
-/// The variance in which what this effect takes off counts.
-fn variance_for(effect: &str, sees_torsion: bool, variance: f64) -> f64 {
-    let is_hidden = AT_REVERSALS_UNSEEN.contains(&effect) && !sees_torsion;
-    if is_hidden || LOSSES_OF_TWIST.contains(&effect) {
-        variance.max(TWIST_LEAST)
-    } else {
-        variance
+/// What an effect must be worth by the scatter of its size: what naming it costs, and of twist of the gear what it costs beside as
+/// well. That shows at reversals, where rows count so little that next to nothing is left of them, however wrong the twin is there.
+fn cost_in_doubt(ranking: &Ranking, hypothesis: &Hypothesis) -> f64 {
+    if is_of_twist(hypothesis.effect, ranking.sees_torsion) {
+        return cost(ranking, hypothesis);
     }
+    let values = hypothesis.amplitudes() + hypothesis.shape.len();
+    naming(values) + Trust::of(ranking.joints).naming_nats
+}
+
+/// Whether an effect is twist that no encoder shows, or what a gear loses as it twists.
+fn is_of_twist(effect: &str, sees_torsion: bool) -> bool {
+    let is_hidden = AT_REVERSALS_UNSEEN.contains(&effect) && !sees_torsion;
+    is_hidden || LOSSES_OF_TWIST.contains(&effect)
 }
 
 /// What naming this effect costs, in nats.
@@ -201,14 +203,10 @@ pub fn together<'a>(
     variance: f64,
     effects: impl IntoIterator<Item = &'a Hypothesis>,
 ) -> f64 {
-    let spared = without.strain - left.strain;
-    let (mut costs, mut variance) = (0.0, variance);
-    for effect in effects {
-        costs += cost(ranking, effect);
-        variance = variance_for(effect.effect, ranking.sees_torsion, variance);
-    }
     let errors = (without.square - left.square) / variance;
-    tempered(errors) + 0.5 * spared - costs
+    let spared = without.strain - left.strain;
+    let costs = effects.into_iter().map(|effect| cost(ranking, effect));
+    tempered(errors) + 0.5 * spared - costs.sum::<f64>()
 }
 
 /// The part of squared errors that noise and twin error make up: more than one where they are larger than thought, less
@@ -353,11 +351,10 @@ impl Standings {
         // by what it leaves, and with what its size is in doubt
         let values = |simulated: &Simulated| {
             let scored = &ranking.scored[simulated.index];
-            let errors = without.square - simulated.left.square;
+            let errors = (without.square - simulated.left.square) / variance;
             let spared = without.strain - simulated.left.strain;
-            let worth = worth(ranking, scored, [errors, variance], spared);
-            let values = scored.hypothesis.amplitudes() + scored.hypothesis.shape.len();
-            let cost = naming(values) + Trust::of(ranking.joints).naming_nats;
+            let worth = worth(ranking, scored, errors, spared);
+            let cost = cost_in_doubt(ranking, &scored.hypothesis);
             let certainty = simulated
                 .certainty
                 .filter(|_| simulated.left.square > ALMOST_ALL * without.square);
@@ -507,14 +504,16 @@ mod tests {
     }
 
     #[test]
-    fn twist_is_not_judged_by_how_little_is_left_at_reversals() {
-        assert_eq!(variance_for("viscous_friction", true, 0.2), 0.2);
+    fn twist_of_a_doubtful_size_is_worth_nothing() {
         for sees_torsion in [true, false] {
-            let of = |variance| variance_for("structural_damping", sees_torsion, variance);
-            assert_eq!([0.2, 3.0].map(of), [TWIST_LEAST, 3.0]);
+            assert!(is_of_twist("structural_damping", sees_torsion));
+            assert!(!is_of_twist("stribeck_friction", sees_torsion));
         }
-        assert_eq!(variance_for("backlash", true, 0.2), 0.2);
-        assert_eq!(variance_for("backlash", false, 0.2), TWIST_LEAST);
+        assert!(is_of_twist("backlash", false) && !is_of_twist("backlash", true));
+        // 4.7 standard errors, with what naming costs and with what reversals cost beside
+        let square = 4.7 * 4.7;
+        assert!(most_worth(square, naming(2)) > 10.0);
+        assert!(most_worth(square, naming(2) + AT_REVERSALS) < 0.0);
     }
 
     #[test]
