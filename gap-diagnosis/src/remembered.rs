@@ -25,6 +25,7 @@ impl<Asked: PartialEq, Made: Clone> Remembered<Asked, Made> {
         asked: Asked,
         make: impl FnOnce(&Asked) -> Result<Made, E>,
     ) -> Result<Made, E> {
+        // values are added whole: a thread that panicked has left none by halves
         let all = || self.made.lock().unwrap_or_else(PoisonError::into_inner);
         let before = all()
             .iter()

@@ -331,6 +331,7 @@ impl<'a> JointTwin<'a> {
     }
 
     fn made(&self, asked: &Asked) -> Result<Vec<f64>, FilterError> {
+        // a bench is emptied before it is used, whatever a thread that panicked has left
         let benches = || self.benches.lock().unwrap_or_else(PoisonError::into_inner);
         let free = benches().pop();
         let mut bench = free.unwrap_or_default();
