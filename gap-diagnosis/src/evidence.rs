@@ -13,7 +13,8 @@ use crate::trust::Trust;
 const TEMPER: f64 = 0.5;
 /// What naming any effect costs: a gap must be worth it.
 const NAMING: f64 = 7.0;
-/// What each fitted value costs beyond the first.
+/// What each fitted value costs beyond the first, and a tilt of the base that one joint alone tells of: to it that is no more than a
+/// torque of gravity.
 const VALUE: f64 = 1.5;
 /// What an effect costs beside that whose cycles are the best of very many.
 const AMONG_MANY: f64 = 14.0;
@@ -160,6 +161,9 @@ fn cost(ranking: &Ranking, hypothesis: &Hypothesis) -> f64 {
     }
     if is_twist && ranking.joints > 1 {
         beside += OTHERS_TWIST;
+    }
+    if hypothesis.effect == "base_tilt" && ranking.joints == 1 {
+        beside += VALUE;
     }
     naming(hypothesis.amplitudes() + hypothesis.shape.len())
         + beside

@@ -16,6 +16,8 @@ const SWEEPS: usize = 400;
 /// A sweep that moves no coefficient further, in units of its own, is the last.
 const STEP_MIN: f64 = 1e-9;
 
+/// Part of the way to its end from which a coefficient is at it.
+const AT_END: f64 = 0.999;
 /// Eigenvalue of columns of length one below which they depend on one another.
 const DEPENDENT: f64 = 1e-9;
 
@@ -34,6 +36,16 @@ impl Bound {
         range: [f64::NEG_INFINITY, f64::INFINITY],
         precision: 0.0,
     };
+    /// The end of the range at which a coefficient is; none within.
+    pub fn end(&self, value: f64) -> Option<f64> {
+        let [low, high] = self.range;
+        if value <= AT_END * low {
+            Some(low)
+        } else {
+            (value >= AT_END * high).then_some(high)
+        }
+    }
+
     /// At least zero.
     pub const POSITIVE: Self = Self {
         range: [0.0, f64::INFINITY],

@@ -4,6 +4,7 @@
 //! a zero amplitude is no effect at all.
 
 use arrayvec::ArrayVec;
+use nalgebra::Vector3;
 use robot::{Effect, EncoderSide};
 
 use crate::scale::Scale;
@@ -18,13 +19,16 @@ const TWIST_STEP: f64 = 0.1;
 const GAIN_STEP: f64 = 0.01;
 const PAYLOAD_STEP_KG: f64 = 0.1;
 const PAYLOAD_STEP_M: f64 = 0.1;
+/// How far off a payload is tried that one joint alone carries, and between which distances it is sought.
+const PAYLOAD_DISTANCE_M: f64 = 0.3;
+const PAYLOAD_DISTANCES_M: [f64; 2] = [0.02, 2.0];
 const TILT_STEP_RAD: f64 = 0.005;
 const OFFSET_STEP_RAD: f64 = 0.002;
 const LAG_STEP_S: f64 = 5e-4;
 /// Steps of inertia: a part of the joint's own.
 const INERTIA_STEP: f64 = 0.02;
 /// Friction that falls at lower speeds than this is part of how a joint begins to slip.
-const CREEPING_RAD_S: f64 = 0.0225;
+const CREEPING_RAD_S: f64 = 0.008;
 
 /// An effect to be fitted, at one shape.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,7 +64,10 @@ enum Form {
     Ripple,
     Saturation,
     Lag,
+    /// By its mass and moments.
     Payload,
+    /// By its moments across the axis, at a distance from it: one joint alone does not feel the mass, only weight and inertia.
+    PayloadAt,
     LinkInertia,
     RotorInertia,
     Gravity,
@@ -85,6 +92,7 @@ const SERIES: [&[Form]; 4] = [
         Form::Offset,
         Form::Asymmetric,
         Form::Payload,
+        Form::PayloadAt,
         Form::Gravity,
         Form::Spring,
         Form::Tilt,
@@ -95,6 +103,7 @@ const SERIES: [&[Form]; 4] = [
         Form::LinkInertia,
         Form::RotorInertia,
         Form::Payload,
+        Form::PayloadAt,
         Form::Lag,
         Form::CommandDelay,
         Form::SensorDelay,
@@ -112,13 +121,21 @@ const SERIES: [&[Form]; 4] = [
 /// Amplitudes of a hypothesis: at most those of a payload.
 pub type Amplitudes = ArrayVec<f64, 4>;
 
+/// What of a robot is there and recorded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shown {
+    /// Joints of the robot.
+    pub joints: usize,
+    /// The link's encoder.
+    pub has_link_encoder: bool,
+    /// What the controller asks of the drive.
+    pub has_command: bool,
+    /// Delay and lag of the drive are not read off the samples.
+    pub timing_is_open: bool,
+}
+
 /// What may be fitted to a joint, periodic effects aside: those come from [`periodic`] once their cycles are known.
-pub fn plain(
-    scale: &Scale,
-    has_link_encoder: bool,
-    has_command: bool,
-    timing_is_open: bool,
-) -> Vec<Hypothesis> {
+pub fn plain(scale: &Scale, shown: Shown) -> Vec<Hypothesis> {
     let mut all = Vec::new();
     let mut add = |effect, form, shape: &[f64]| all.push(Hypothesis::new(effect, form, shape));
     add("coulomb_friction", Form::Coulomb, &[]);
@@ -149,33 +166,42 @@ pub fn plain(
     add("thermal_friction_drift", Form::FirstOrderDrift, &[8.0]);
     add("torque_constant_error", Form::Gain, &[]);
     add("torque_offset", Form::Offset, &[]);
-    if has_command && scale.may_saturate {
+    if shown.has_command && scale.may_saturate {
         let parts = [0.95, 0.85, 0.7, 0.5].map(|part| part * scale.motor_torque_nm);
         // a drive that reports its torque shows where it ends
         for limit_nm in scale.reached_motor_nm.into_iter().chain(parts) {
             add("torque_saturation", Form::Saturation, &[limit_nm]);
         }
     }
-    if has_command {
+    if shown.has_command {
         add("current_loop_lag", Form::Lag, &[]);
     }
-    if timing_is_open {
-        if has_command {
+    if shown.timing_is_open {
+        if shown.has_command {
             add("command_delay", Form::CommandDelay, &[]);
         }
         add("sensor_delay", Form::SensorDelay, &[]);
     }
-    add("payload", Form::Payload, &[]);
+    if shown.joints > 1 {
+        add("payload", Form::Payload, &[]);
+    }
     add("link_inertia", Form::LinkInertia, &[]);
     add("rotor_inertia", Form::RotorInertia, &[]);
     add("gravity_torque", Form::Gravity, &[]);
     add("joint_spring", Form::Spring, &[]);
     add("base_tilt", Form::Tilt, &[]);
     add("encoder_offset", Form::EncoderOffset, &[]);
-    if has_link_encoder {
+    if shown.has_link_encoder {
         // a ring off its centre or bent, and the teeth or poles of a few more
         for cycles in [1.0, 2.0, 4.0, 8.0] {
             add("encoder_eccentricity", Form::LinkEccentricity, &[cycles]);
+        }
+    }
+    if shown.joints == 1 {
+        // its inertia is added whichever way it hangs
+        for reach in [1.0, -1.0] {
+            let payload = Hypothesis::new("payload", Form::PayloadAt, &[PAYLOAD_DISTANCE_M]);
+            all.push(payload.reaching(reach));
         }
     }
     // within a wide gap the link swings freely
@@ -241,6 +267,7 @@ impl Hypothesis {
             | Form::Ripple
             | Form::MotorEccentricity
             | Form::LinkEccentricity
+            | Form::PayloadAt
             | Form::Gravity
             | Form::Spring
             | Form::Tilt => 2,
@@ -335,6 +362,7 @@ impl Hypothesis {
                 | Form::FirstOrderDrift
                 | Form::Offset
                 | Form::Payload
+                | Form::PayloadAt
                 | Form::Gravity
                 | Form::Spring
                 | Form::Tilt
@@ -354,6 +382,7 @@ impl Hypothesis {
             Form::Hysteresis => [0.01 * scale.twist_rad(), 3.0 * scale.twist_rad()],
             Form::StructuralDamping => [0.2, 1.5],
             Form::FirstOrderDrift => [1.0, 300.0],
+            Form::PayloadAt => PAYLOAD_DISTANCES_M,
             Form::Saturation => {
                 let reached_nm = scale.reached_motor_nm.unwrap_or(0.0);
                 let most_nm = reached_nm.max(scale.motor_torque_nm);
@@ -462,6 +491,7 @@ impl Hypothesis {
                 }
             }
             Form::Payload => payload(amplitude),
+            Form::PayloadAt => payload_at(amplitude, shape, &scale.across_axis),
             Form::PeriodicFriction
             | Form::KinematicError
             | Form::Ripple
@@ -575,12 +605,34 @@ fn payload(amplitude: &[f64]) -> Effect {
     }
 }
 
+fn payload_at(moments: &[f64], distance_m: f64, across_axis: &[Vector3<f64>; 2]) -> Effect {
+    let moment = across_axis[0] * moments[0] + across_axis[1] * moments[1];
+    let size = moment.norm();
+    let direction = if size > 0.0 {
+        moment / size
+    } else {
+        Vector3::zeros()
+    };
+    Effect::Payload {
+        mass_kg: PAYLOAD_STEP_KG * PAYLOAD_STEP_M * size / distance_m,
+        centre_m: (direction * distance_m).into(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const ARM: Shown = Shown {
+        joints: 7,
+        has_link_encoder: true,
+        has_command: true,
+        timing_is_open: true,
+    };
+
     fn scale() -> Scale {
         Scale {
+            across_axis: [Vector3::x(), Vector3::z()],
             friction_nm: 5.0,
             least_friction_nm: 1.0,
             speed_rad_s: 1.0,
@@ -599,6 +651,24 @@ mod tests {
     }
 
     #[test]
+    fn a_payload_of_one_joint_keeps_its_moment_at_any_distance() {
+        for distance_m in [0.1, 0.4] {
+            let payload = Hypothesis::new("payload", Form::PayloadAt, &[distance_m]);
+            let Effect::Payload { mass_kg, centre_m } = payload.effect(&[3.0, -4.0], &scale())
+            else {
+                panic!("no payload");
+            };
+            assert!((mass_kg - 0.05 / distance_m).abs() < 1e-12, "{mass_kg}");
+            assert!((mass_kg * centre_m[2] + 0.04).abs() < 1e-12, "{centre_m:?}");
+        }
+        let nothing = Hypothesis::new("payload", Form::PayloadAt, &[0.3]);
+        let Effect::Payload { mass_kg, centre_m } = nothing.effect(&[0.0; 2], &scale()) else {
+            panic!("no payload");
+        };
+        assert_eq!((mass_kg, centre_m), (0.0, [0.0; 3]));
+    }
+
+    #[test]
     fn every_effect_that_a_simulation_shows_has_a_hypothesis() {
         // the others are seen in the samples themselves
         let beside = [
@@ -607,7 +677,7 @@ mod tests {
             "dropped_commands",
             "dropped_samples",
         ];
-        let mut names: Vec<&str> = plain(&scale(), true, true, true)
+        let mut names: Vec<&str> = plain(&scale(), ARM)
             .iter()
             .chain(&periodic(2.0))
             .map(|hypothesis| hypothesis.effect)
@@ -622,9 +692,11 @@ mod tests {
 
     #[test]
     fn effects_carry_the_name_of_their_hypothesis() {
-        for hypothesis in plain(&scale(), true, true, true)
+        let alone = Shown { joints: 1, ..ARM };
+        for hypothesis in [ARM, alone]
             .iter()
-            .chain(&periodic(2.0))
+            .flat_map(|shown| plain(&scale(), *shown))
+            .chain(periodic(2.0))
         {
             let ones = vec![1.0; hypothesis.amplitudes()];
             assert_eq!(hypothesis.effect(&ones, &scale()).name(), hypothesis.effect);
@@ -634,7 +706,7 @@ mod tests {
     #[test]
     fn terms_of_one_variable_are_a_series_and_a_drift_beside_a_gain_is_none() {
         let of = |name: &str| {
-            let mut all = plain(&scale(), true, true, true).into_iter();
+            let mut all = plain(&scale(), ARM).into_iter();
             all.find(|hypothesis| hypothesis.effect == name)
                 .expect("it is on the list")
         };
@@ -651,7 +723,7 @@ mod tests {
     #[test]
     fn no_more_is_taken_off_than_there_is() {
         let scale = scale();
-        let all = plain(&scale, true, true, true);
+        let all = plain(&scale, ARM);
         let least = |name: &str, value: fn(Effect) -> Option<f64>| {
             let mut of_name = all.iter().filter(|h| h.effect == name);
             let hypothesis = of_name.next().expect("it is on the list");

@@ -299,8 +299,8 @@ impl Search<'_> {
         if refined.columns.is_empty() {
             return (left, DMatrix::zeros(0, 0));
         }
-        let (blocks, covariance) = self.covariance(refined);
         let all: Vec<usize> = (0..refined.columns.len()).collect();
+        let (blocks, covariance) = self.covariance(refined, &all);
         let block_of = block_of(&self.twin.rows);
         let folds = blocks.folds(&all);
         for (k, value) in left.iter_mut().enumerate() {
@@ -312,16 +312,30 @@ impl Search<'_> {
     }
 
     /// Squared size of the last effect of a refined model in units of its covariance, which comes from the scatter between
-    /// blocks of time. None for an effect without a size.
-    pub fn certainty(&self, refined: &Refined) -> Option<f64> {
+    /// blocks of time. Its shape is held: without the effect there is none to be unsure of. So are known values at the same end of
+    /// their tolerance as without the effect: they have no room to stand in for it. None for an effect without a size.
+    pub fn certainty(&self, without: &Refined, refined: &Refined) -> Option<f64> {
         let last = refined.model.terms.last()?;
         let values = Self::values(&last.hypothesis);
         let sizes = values - usize::from(last.hypothesis.shape_is_free());
         if sizes == 0 || refined.columns.len() < values {
             return None;
         }
-        let (_, covariance) = self.covariance(refined);
-        let first = covariance.nrows() - values;
+        let first = refined.columns.len() - values;
+        let known = without.model.known.iter().zip(&refined.model.known);
+        let bounds = self.bounds();
+        let is_held: Vec<bool> = known
+            .zip(&bounds)
+            .map(|((before, after), bound)| {
+                let end = bound.end(*before);
+                end.is_some() && end == bound.end(*after)
+            })
+            .collect();
+        let chosen: Vec<usize> = (0..first + sizes)
+            .filter(|k| !is_held.get(*k).copied().unwrap_or(false))
+            .collect();
+        let (_, covariance) = self.covariance(refined, &chosen);
+        let first = chosen.len() - sizes;
         let own = covariance.view((first, first), (sizes, sizes)).into_owned();
         let size = DVector::from_column_slice(&last.amplitudes);
         // what cannot be told apart may be as large as one likes
@@ -329,16 +343,15 @@ impl Search<'_> {
         Some(size.dot(&solved))
     }
 
-    /// A regression on a refined model's responses, and the covariance of its values, in steps.
-    fn covariance(&self, refined: &Refined) -> (Blocks, DMatrix<f64>) {
+    /// A regression on a refined model's responses, and the covariance of chosen values, in steps.
+    fn covariance(&self, refined: &Refined, chosen: &[usize]) -> (Blocks, DMatrix<f64>) {
         let blocks = self.blocks(
             &refined.columns,
             &refined.residual_nm,
             &refined.bounds,
             &refined.prior_means,
         );
-        let all: Vec<usize> = (0..refined.columns.len()).collect();
-        let covariance = blocks.covariance(&all, &blocks.fit(&all));
+        let covariance = blocks.covariance(chosen, &blocks.fit(chosen));
         (blocks, covariance)
     }
 
@@ -405,11 +418,13 @@ mod tests {
         file.build(Source::Shipped("one")).unwrap()
     }
 
-    /// Two masses in small explicit steps with a gap between them, the motor held on its way by feedback.
-    fn recorded(gap_rad: f64) -> Recording {
+    /// Two masses in small explicit steps with a gap between them and a mass at the link's centre, the motor held on its way by
+    /// feedback.
+    fn recorded(gap_rad: f64, payload_kg: f64) -> Recording {
         let step_s = 1.0 / RATE_HZ / SUBSTEPS as f64;
         let rotor_kg_m2 = RATIO * RATIO * ROTOR_KG_M2;
-        let link_kg_m2 = LINK_KG_M2 + LINK_KG * CENTRE_M * CENTRE_M;
+        let link_kg = LINK_KG + payload_kg;
+        let link_kg_m2 = LINK_KG_M2 + link_kg * CENTRE_M * CENTRE_M;
         let mut random = uniform(3);
         let (mut motor_rad, mut motor_nm) = (Vec::new(), Vec::new());
         let [mut at, mut speed] = [[0.0; 2], [1.5; 2]];
@@ -429,7 +444,7 @@ mod tests {
                     + DAMPING_NM_S_RAD * (speed[0] - speed[1]);
                 let friction_nm =
                     COULOMB_NM * (speed[0] / 2e-3).tanh() + VISCOUS_NM_S_RAD * speed[0];
-                let weight_nm = LINK_KG * 9.81 * CENTRE_M * at[1].sin();
+                let weight_nm = link_kg * 9.81 * CENTRE_M * at[1].sin();
                 speed[0] += step_s * (torque_nm - friction_nm - gear_nm) / rotor_kg_m2;
                 speed[1] += step_s * (gear_nm + weight_nm) / link_kg_m2;
                 at[0] += step_s * speed[0];
@@ -455,7 +470,7 @@ mod tests {
     #[test]
     fn a_wide_gap_is_found_though_known_values_stand_in_for_it_and_a_small_one_explains_less() {
         for gap_rad in [0.0, 0.003, 0.009] {
-            let recordings = [("made up".to_owned(), recorded(gap_rad))];
+            let recordings = [("made up".to_owned(), recorded(gap_rad, 0.0))];
             let report = diagnose(&robot(), &recordings, &|_| ()).unwrap().report;
             let joint = &report.joints[0];
             let effects = joint.effects.iter();
@@ -468,5 +483,21 @@ mod tests {
             let found_rad = joint.effects[0].parameters["gap_rad"].value;
             assert!((found_rad / gap_rad - 1.0).abs() < 0.1, "{found_rad}");
         }
+    }
+
+    #[test]
+    fn a_payload_is_told_though_a_link_off_by_its_tolerance_may_bear_a_part_of_it() {
+        let payload_kg = 0.6;
+        let recordings = [("made up".to_owned(), recorded(0.0, payload_kg))];
+        let report = diagnose(&robot(), &recordings, &|_| ()).unwrap().report;
+        let effects = &report.joints[0].effects;
+        let names: Vec<&str> = effects.iter().map(|found| found.effect.as_str()).collect();
+        assert_eq!(names, ["payload"]);
+        let value = |name: &str| effects[0].parameters[name].value;
+        let moment = value("mass_kg") * value("centre_m_z");
+        assert!(
+            (moment / (payload_kg * CENTRE_M) - 1.0).abs() < 0.2,
+            "{moment}"
+        );
     }
 }

@@ -1,6 +1,7 @@
 //! Sizes of a joint along its recordings, by which fitting steps are chosen.
 
 use joint_model::friction::Sliding;
+use nalgebra::{Unit, Vector3};
 
 use crate::joint::JointModel;
 use crate::stretch::JointStretch;
@@ -38,6 +39,8 @@ pub struct Scale {
     pub rotor_inertia_kg_m2: f64,
     /// What can be taken off the link about the joint's axis and leave a body.
     pub spare_link_inertia_kg_m2: f64,
+    /// Directions across the joint's axis, in its frame.
+    pub across_axis: [Vector3<f64>; 2],
     /// Between two samples.
     pub period_s: f64,
     /// Range of the motor's angle.
@@ -45,9 +48,10 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// Of a joint along its recordings, with what can be taken off its link's inertia.
+    /// Of a joint about an axis of its frame, along its recordings, with what can be taken off its link's inertia.
     pub fn of(
         model: &JointModel,
+        axis: Unit<Vector3<f64>>,
         stretches: &[&JointStretch],
         spare_link_inertia_kg_m2: f64,
     ) -> Self {
@@ -92,6 +96,7 @@ impl Scale {
             inertia_kg_m2: model.rotor_inertia_kg_m2 + inertia[inertia.len() / 2],
             rotor_inertia_kg_m2: model.rotor_inertia_kg_m2,
             spare_link_inertia_kg_m2,
+            across_axis: across(axis),
             period_s: stretches[0].drive.period_s,
             motor_turns: motor_turns(model.gear_ratio, stretches),
         }
@@ -105,6 +110,13 @@ impl Scale {
             5e-4
         }
     }
+}
+
+/// Two directions at right angles to each other and to an axis.
+fn across(axis: Unit<Vector3<f64>>) -> [Vector3<f64>; 2] {
+    let one = Vector3::ith(axis.iamin(), 1.0);
+    let one = (one - *axis * axis.dot(&one)).normalize();
+    [one, axis.cross(&one)]
 }
 
 fn motor_turns(gear_ratio: f64, stretches: &[&JointStretch]) -> f64 {

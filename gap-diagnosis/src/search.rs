@@ -8,7 +8,7 @@ use robot::Effect;
 
 use crate::evidence::Left;
 use crate::fit::Bound;
-use crate::hypothesis::{Hypothesis, plain};
+use crate::hypothesis::{Hypothesis, Shown, plain};
 use crate::known::Known;
 use crate::observe::Channel;
 use crate::scale::Scale;
@@ -117,7 +117,12 @@ impl<'a> Search<'a> {
     /// [`FilterError`].
     pub fn new(twin: &'a JointTwin<'a>) -> Result<Self, FilterError> {
         let stretches = twin.stretches();
-        let scale = Scale::of(&twin.nominal, &stretches, twin.spare_link_inertia_kg_m2());
+        let scale = Scale::of(
+            &twin.nominal,
+            twin.axis(),
+            &stretches,
+            twin.spare_link_inertia_kg_m2(),
+        );
         let nominal = Changes::default();
         let clean = twin.simulated(&nominal, None)?;
         let noisy = (1..=NOISY_RUNS)
@@ -164,6 +169,12 @@ impl<'a> Search<'a> {
             .iter()
             .any(|stretch| stretch.drive.between == Between::Line);
         let timing_is_open = lacks_commands || !twin.channels.contains(&Channel::Drive);
+        let shown = Shown {
+            joints: twin.joints(),
+            has_link_encoder,
+            has_command,
+            timing_is_open,
+        };
         Ok(Self {
             twin,
             scale,
@@ -171,7 +182,7 @@ impl<'a> Search<'a> {
             noise_nm,
             repeats_nm: None,
             whitener,
-            hypotheses: plain(&scale, has_link_encoder, has_command, timing_is_open),
+            hypotheses: plain(&scale, shown),
         })
     }
 

@@ -10,7 +10,7 @@ use robot::{Effect, Robot};
 
 use crate::diagnose::DiagnoseError;
 use crate::fit::{Blocks, Bound};
-use crate::hypothesis::{Hypothesis, periodic, plain};
+use crate::hypothesis::{Hypothesis, Shown, periodic, plain};
 use crate::mend;
 use crate::observe::Channel;
 use crate::place;
@@ -138,9 +138,15 @@ impl<'a> Responses<'a> {
 
     /// The other effect at every shape that the diagnosis begins with.
     fn variants(&self, pair: &Pair) -> Vec<Hypothesis> {
-        let has_link_encoder = self.search.twin.channels.contains(&Channel::Torsion);
+        let twin = self.search.twin;
+        let shown = Shown {
+            joints: twin.joints(),
+            has_link_encoder: twin.channels.contains(&Channel::Torsion),
+            has_command: true,
+            timing_is_open: true,
+        };
         let cycles = cycles_per_motor_rev(&pair.effect);
-        plain(&self.search.scale, has_link_encoder, true, true)
+        plain(&self.search.scale, shown)
             .into_iter()
             .chain(cycles.into_iter().flat_map(periodic))
             .filter(|hypothesis| hypothesis.effect == pair.other)

@@ -172,7 +172,7 @@ impl Step {
             .map(|(index, left, refined)| Simulated {
                 index: *index,
                 left: *left,
-                certainty: search.certainty(refined),
+                certainty: search.certainty(base, refined),
             })
             .collect();
         let base = best_base(search, &round, base, &refitted)?;

@@ -4,6 +4,7 @@ use std::convert::Infallible;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use joint_model::filter::FilterError;
+use nalgebra::{Unit, Vector3};
 use rand_core::{RngCore, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use robot::{Effect, Robot};
@@ -213,6 +214,11 @@ impl<'a> JointTwin<'a> {
     /// What can be taken off the link's inertia about the joint's axis.
     pub fn spare_link_inertia_kg_m2(&self) -> f64 {
         known::spare_link_inertia_kg_m2(self.robot, self.joint)
+    }
+
+    /// The joint's axis, in its frame.
+    pub fn axis(&self) -> Unit<Vector3<f64>> {
+        self.robot.chain.links()[self.joint].axis
     }
 
     /// How many joints the robot has.

@@ -63,8 +63,12 @@ const INERTIAL: f64 = 0.02;
 const UNSEEN: f64 = 2.0;
 /// Of the torque that swings the rotor above the band, friction within it is off by this part.
 const VIBRATING: f64 = 0.2;
-/// Slower than this part of the fastest is as good as standing.
+/// Slower than this part of the fastest is as good as standing, unless the joint has slid so far since it stood or turned: twenty
+/// times as far as friction bends before it slips, beyond which a slow joint's friction is as much law as a quick one's.
 const STANDING: f64 = 0.03;
+const SLID_RAD: f64 = 4e-3;
+/// Slower than this part of the fastest it stands.
+const STILL: f64 = 0.003;
 
 /// Of each row, by how near its joint is to a reversal, how hard it accelerates, what swings beside it and whether it vibrates: 1 in even motion.
 fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor) -> Vec<f64> {
@@ -75,13 +79,7 @@ fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor)
     let mut weights = vec![1.0; rows.len()];
     for of in series {
         let rows = &rows[of.clone()];
-        let turns: Vec<f64> = (1..rows.len())
-            .filter(|&k| {
-                let (a, b) = (rows[k - 1].velocity_rad_s, rows[k].velocity_rad_s);
-                a * b <= 0.0 || b.abs() < STANDING * fastest
-            })
-            .map(|k| rows[k].time_s)
-            .collect();
+        let turns = turns_s(rows, fastest);
         let Floor {
             quick_nm, slow_nm, ..
         } = floor(&rows[0]);
@@ -109,6 +107,26 @@ fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor)
         }
     }
     weights
+}
+
+/// When a joint turns, stands, or has not slid far since.
+fn turns_s(rows: &[Row], fastest_rad_s: f64) -> Vec<f64> {
+    let mut turns_s = Vec::new();
+    let mut way_rad = 0.0;
+    for pair in rows.windows(2) {
+        let [before, row] = [&pair[0], &pair[1]];
+        let turns = before.velocity_rad_s * row.velocity_rad_s <= 0.0;
+        let part = row.velocity_rad_s.abs() / fastest_rad_s;
+        if turns || part < STILL {
+            way_rad = 0.0;
+        } else {
+            way_rad += (row.position_rad - before.position_rad).abs();
+        }
+        if turns || part < STANDING && way_rad < SLID_RAD {
+            turns_s.push(row.time_s);
+        }
+    }
+    turns_s
 }
 
 /// How one channel is made independent and of unit variance.
@@ -243,5 +261,38 @@ mod tests {
         assert!((left - 0.36).abs() < 1e-9, "{left}");
         assert!((found[0] - 0.8).abs() < 1e-9, "{found:?}");
         assert!(found[1].abs() < 1e-9 && found[2].abs() < 1e-9, "{found:?}");
+    }
+
+    #[test]
+    fn who_slides_slowly_counts_and_who_stands_does_not() {
+        let rows = |slow_rad_s: f64| -> Vec<Row> {
+            let speeds = (0..600).map(|k| if k < 300 { slow_rad_s } else { 1.0 });
+            let mut position_rad = 0.0;
+            let row = |(k, velocity_rad_s): (usize, f64)| {
+                position_rad += 0.01 * velocity_rad_s;
+                Row {
+                    time_s: 0.01 * k as f64,
+                    velocity_rad_s,
+                    position_rad,
+                    stretch: 0,
+                    channel: Channel::Motor,
+                    acceleration_rad_s2: 0.0,
+                    load_nm: 0.0,
+                    motor_angle_rad: 0.0,
+                    inertial_nm: 0.0,
+                    unseen_nm: 0.0,
+                    vibrating_nm: 0.0,
+                    beating_nm: 0.0,
+                }
+            };
+            speeds.enumerate().map(row).collect()
+        };
+        let floor = |_: &Row| Floor {
+            quick_nm: 1.0,
+            ..Floor::default()
+        };
+        let middle = |slow_rad_s: f64| Whitener::new(&rows(slow_rad_s), floor).weight(150);
+        assert!(middle(0.02) > 0.99, "{}", middle(0.02));
+        assert!(middle(0.001) < 0.1, "{}", middle(0.001));
     }
 }
