@@ -3,7 +3,9 @@
 use joint_model::filter::FilterError;
 use rayon::prelude::*;
 
-use crate::evidence::{Remains, cost_in_file, remains, together, unknown_probability, variance_of};
+use crate::evidence::{
+    Remains, cost_in_file, most_left, remains, together, unknown_probability, variance_of,
+};
 use crate::hypothesis::Hypothesis;
 use crate::judge::shrink_alone;
 use crate::rank::Round;
@@ -35,6 +37,8 @@ const ANEW_NATS: f64 = 30.0;
 const WORSE_ALONE: f64 = -0.05;
 /// Part of what names take off that a vibration takes off without any known value refitted: then it is the simpler cause.
 const AS_MUCH: f64 = 0.9;
+/// The same for any smooth torque, where one name stands for several numbers of cycles: those are then terms of its series.
+const AS_MUCH_OF_SERIES: f64 = 0.8;
 /// Standard deviations of a sum of squares above its mean at which known values are strained.
 const STRAINED: f64 = 3.0;
 /// Times noise and the twin's own errors, as squares, up to which one effect is taken for all there is.
@@ -71,10 +75,27 @@ impl Explanation {
         remains(&self.last().structure, self.named_gain())
     }
 
-    /// Whether the names only imitate something else: they leave most of it, or a steady vibration takes off as much.
+    /// Whether the names only imitate something else: they leave most of it, or a steady vibration takes off as much, or a smooth
+    /// torque does, where they leave something or are terms of its series.
     fn is_imitation(&self, search: &Search<'_>, first: &Step) -> bool {
+        let part = if self.is_repeated() {
+            AS_MUCH_OF_SERIES
+        } else if self.remains() == Remains::Something {
+            1.0
+        } else {
+            f64::INFINITY
+        };
+        let smooth_nats = most_left(&first.structure).map_or(0.0, |(_, nats)| nats);
         self.remains() == Remains::Most
             || search.vibration_gain(&first.base.residual_nm) > AS_MUCH * self.named_gain()
+            || smooth_nats > part * self.named_gain()
+    }
+
+    /// Whether one name stands for several numbers of cycles.
+    fn is_repeated(&self) -> bool {
+        let terms = &self.refined.model.terms;
+        let named = |term: usize| &terms[term].hypothesis;
+        (0..terms.len()).any(|one| (0..one).any(|other| named(one).repeats(named(other))))
     }
 
     /// Probability that the cause is on no list.

@@ -353,6 +353,12 @@ impl Hypothesis {
             || series.any(|forms| both.iter().all(|form| forms.contains(form)))
     }
 
+    /// Whether both are one effect that repeats with an angle, at different numbers of cycles: of those only a kinematic error has
+    /// more than one.
+    pub fn repeats(&self, other: &Self) -> bool {
+        self.is_periodic() && self.form == other.form && self.form != Form::KinematicError
+    }
+
     /// Whether its torque follows load, direction or time, and changes with nothing quicker.
     pub fn is_slow(&self) -> bool {
         matches!(
@@ -718,6 +724,18 @@ mod tests {
             "torque_constant_error"
         ));
         assert!(!is_series("coulomb_friction", "joint_spring"));
+    }
+
+    #[test]
+    fn one_effect_at_two_numbers_of_cycles_repeats_unless_it_has_harmonics() {
+        let (once, twice) = (periodic(1.0), periodic(2.0));
+        for (one, other) in once.iter().zip(&twice) {
+            assert_eq!(one.repeats(other), one.effect != "kinematic_error");
+        }
+        assert!(!once[0].repeats(&twice[2]));
+        let plain = plain(&scale(), true, true, true);
+        let mut others = plain.iter().filter(|one| !one.is_periodic());
+        assert!(!others.any(|one| one.repeats(one)));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::evidence::{Left, together, variance_of};
-use crate::fit::{Blocks, Bound, HeldOut};
+use crate::fit::{Blocks, HeldOut};
 use crate::hypothesis::Hypothesis;
 use crate::known::{Known, KnownValue};
 use crate::observe::Channel;
@@ -16,8 +16,7 @@ use crate::refine::Refined;
 use crate::respond::Linear;
 use crate::search::{Model, Search, Term, strain};
 use crate::shapes::{Family, evidence_nats, families, foreign_vibration, on_sides};
-use crate::spectrum::Beside;
-use crate::trust::Trust;
+use crate::spectrum::{Beside, matrix};
 
 /// Hypotheses whose responses are found anew beside a model with effects.
 const ANEW: usize = 14;
@@ -376,30 +375,28 @@ impl Search<'_> {
     /// What a torque of no named law would be worth beside a model, of each family: over what, and nats beyond those of a
     /// good twin. Known values are refitted with it, as they respond in a round.
     pub fn structure(&self, round: &Round, refined: &Refined) -> Vec<(&'static str, f64)> {
-        let trust = Trust::of(self.twin.joints());
-        let known = &round.linear.known;
-        let bounds = self.bounds();
-        let prior_means: Vec<f64> = refined.model.known.iter().map(|z| -z).collect();
-        let beside: Vec<usize> = (0..known.len()).collect();
+        let shape_nats = self.shape_nats();
+        let rows = &self.twin.rows;
+        let white = |columns: &[Vec<f64>]| -> Vec<Vec<f64>> {
+            let columns = columns.iter();
+            columns.map(|one| self.whitener.apply(one)).collect()
+        };
+        let known = white(&round.linear.known);
+        let target = self.whitener.apply(&refined.residual_nm);
+        let mut prior_means: Vec<f64> = refined.model.known.iter().map(|z| -z).collect();
+        prior_means.resize(known.len(), 0.0);
+        let beside = Beside::about(&known, &target, &prior_means);
         families(self.twin, &refined.residual_nm)
-            .par_iter()
-            .map(|family| {
-                let nats = on_sides(family, &self.twin.rows)
-                    .into_iter()
-                    .map(|family| {
-                        let mut bounds = bounds.clone();
-                        bounds.extend(family.columns.iter().map(|_| Bound::FREE));
-                        let mut means = prior_means.clone();
-                        means.resize(bounds.len(), 0.0);
-                        let chosen: Vec<usize> = (known.len()..bounds.len()).collect();
-                        let columns: Vec<Vec<f64>> =
-                            known.iter().chain(&family.columns).cloned().collect();
-                        let blocks = self.blocks(&columns, &refined.residual_nm, &bounds, &means);
-                        let (matrix, vector) = blocks.information(&beside, &chosen);
-                        evidence_nats(matrix, &vector, family.tried)
-                    })
-                    .fold(0.0, f64::max);
-                (family.over, nats - trust.nats(family.over))
+            .into_par_iter()
+            .map(|mut family| {
+                // each channel is whitened alone, so that it may be left out afterwards
+                family.columns = white(&family.columns);
+                let nats = on_sides(&family, rows).into_iter().map(|side| {
+                    let (information, vector) =
+                        beside.information(&matrix(&side.columns, rows.len()));
+                    evidence_nats(information, &vector, side.tried)
+                });
+                (family.over, nats.fold(0.0, f64::max) - shape_nats)
             })
             .collect()
     }

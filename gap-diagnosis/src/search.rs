@@ -13,6 +13,7 @@ use crate::known::Known;
 use crate::observe::Channel;
 use crate::scale::Scale;
 use crate::simulate::Between;
+use crate::trust::Trust;
 use crate::twin::{Changes, JointTwin};
 use crate::whiten::{Floor, Whitener, series};
 
@@ -28,6 +29,8 @@ const TWIN_QUICK: f64 = 0.002;
 const TWIN_SLOW: f64 = 0.006;
 /// Over which the slow part changes.
 const TWIN_SLOW_S: f64 = 0.15;
+/// No robot's torque is controlled as slowly as this.
+const SLOWEST_LOOP_HZ: f64 = 200.0;
 /// Standard deviations that a known value may move: beyond that it is a finding.
 const TOLERANCE: f64 = 3.0;
 /// No effect is larger than some of these steps: keeps what the motion does not excite from taking any value.
@@ -165,9 +168,7 @@ impl<'a> Search<'a> {
         let has_link_encoder = stretches.iter().any(|stretch| stretch.link_rad.is_some());
         let has_command = stretches.iter().all(|stretch| stretch.has_command);
         // where the drive reports its torque beside every command, its delay and lag are read off the samples
-        let lacks_commands = stretches
-            .iter()
-            .any(|stretch| stretch.drive.between == Between::Line);
+        let lacks_commands = lacks_commands(twin);
         let timing_is_open = lacks_commands || !twin.channels.contains(&Channel::Drive);
         let shown = Shown {
             joints: twin.joints(),
@@ -184,6 +185,16 @@ impl<'a> Search<'a> {
             whitener,
             hypotheses: plain(&scale, shown),
         })
+    }
+
+    /// Nats that a torque of no named law may be worth.
+    pub(crate) fn shape_nats(&self) -> f64 {
+        let trust = Trust::of(self.twin.joints());
+        if lacks_commands(self.twin) || self.twin.recorded_hz() < SLOWEST_LOOP_HZ {
+            trust.aliased_nats
+        } else {
+            trust.shape_nats
+        }
     }
 
     /// What a channel holds whatever the model: noise and what the twin itself is off.
@@ -306,6 +317,13 @@ impl<'a> Search<'a> {
     pub fn square(&self, residual_nm: &[f64]) -> f64 {
         self.whitener.apply(residual_nm).iter().map(|x| x * x).sum()
     }
+}
+
+/// Whether there were commands that the recording does not show.
+fn lacks_commands(twin: &JointTwin<'_>) -> bool {
+    let stretches = twin.stretches();
+    let mut drives = stretches.iter().map(|stretch| &stretch.drive);
+    drives.any(|drive| drive.between == Between::Line)
 }
 
 /// Seeded random numbers between 0 and 1.

@@ -1,5 +1,5 @@
 //! Torques of no named law: anything smooth over position, velocity, load, time, acceleration, or the motion of the other
-//! joints, and a steady vibration. They tell whether something with a structure is left, and over what.
+//! joints, what fades from the joint's own past, and a steady vibration. They tell whether something with a structure is left, and over what.
 //!
 //! Each family is a linear combination of its columns, all of them small at first sight (a normal prior); what it is
 //! worth is its Bayes factor against nothing, with the size of the prior that suits it best (type II maximum likelihood:
@@ -11,11 +11,17 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::observe::Channel;
 use crate::twin::{JointTwin, Row};
+use crate::whiten::series;
 
 /// Hats over a variable.
 const HATS: usize = 12;
 /// Hats over time, one a second but no more than this.
 const HATS_OVER_TIME: usize = 40;
+/// Hats over each of two variables at once.
+const HATS_OF_TWO: usize = 5;
+/// Times over which what was fades: as far apart as two exponentials that sum to nearly any between them, from less than the band
+/// shows to a tenth of a usual recording.
+const FADING_S: [f64; 6] = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0];
 /// Frequencies of vibration that are tried, from the first to the last.
 const VIBRATION_HZ: [f64; 2] = [0.3, 14.0];
 /// Parts of a step in which the strongest one is sought anew.
@@ -59,15 +65,25 @@ pub fn families(twin: &JointTwin<'_>, residual_nm: &[f64]) -> Vec<Family> {
     };
     let sign = |row: &Row| row.velocity_rad_s.signum();
     let each = |of: &dyn Fn(&Row) -> f64| rows.iter().map(of).collect::<Vec<f64>>();
+    let velocity_rad_s = each(&|row| row.velocity_rad_s);
+    let acceleration_rad_s2 = each(&|row| row.acceleration_rad_s2);
     let position = hats(&each(&|row| row.position_rad), HATS);
     add("position", position.clone());
     add("position and direction", signed(&position, rows, sign));
-    add("velocity", hats(&each(&|row| row.velocity_rad_s), HATS));
+    add("velocity", hats(&velocity_rad_s, HATS));
+    let of_two = hats(&each(&|row| row.position_rad), HATS_OF_TWO);
+    let of_two = products(&of_two, &hats(&velocity_rad_s, HATS_OF_TWO));
+    add("position and velocity", of_two);
     let load = hats(&each(&|row| row.load_nm), HATS);
     add("load and direction", signed(&load, rows, sign));
-    let acceleration = hats(&each(&|row| row.acceleration_rad_s2), HATS);
-    add("acceleration", acceleration);
-    add("jerk", hats(&jerk(rows), HATS));
+    add("acceleration", hats(&acceleration_rad_s2, HATS));
+    let jerk_rad_s3 = jerk(rows);
+    add("jerk", hats(&jerk_rad_s3, HATS));
+    // any torque in proportion to the motion and to what fades from it, as of springs and dampers in whatever arrangement
+    let mut past = faded(rows, &acceleration_rad_s2);
+    past.extend([velocity_rad_s, acceleration_rad_s2, jerk_rad_s3]);
+    add("the motion's past", past.into_iter().map(scaled).collect());
+    add("the direction's past", faded(rows, &each(&sign)));
     let travelled = hats(&travelled(rows), HATS);
     add(
         "travel since the last reversal",
@@ -206,6 +222,45 @@ fn signed(columns: &[Vec<f64>], rows: &[Row], sign: impl Fn(&Row) -> f64) -> Vec
                 .collect()
         })
         .collect()
+}
+
+/// In units of its own size: of what differs in kind nobody knows which is more.
+fn scaled(column: Vec<f64>) -> Vec<f64> {
+    let square = column.iter().map(|x| x * x).sum::<f64>() / column.len().max(1) as f64;
+    let size = square.sqrt().max(1e-300);
+    column.into_iter().map(|x| x / size).collect()
+}
+
+/// Every product of one of these with one of those.
+fn products(these: &[Vec<f64>], those: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let each = |one: &Vec<f64>, other: &Vec<f64>| -> Vec<f64> {
+        let both = one.iter().zip(other);
+        both.map(|(one, other)| one * other).collect()
+    };
+    let with_all = |one| those.iter().map(move |other| each(one, other));
+    these.iter().flat_map(with_all).collect()
+}
+
+/// What there was before, as it fades over each of the times.
+fn faded(rows: &[Row], values: &[f64]) -> Vec<Vec<f64>> {
+    let over = |time_s: &f64| {
+        let mut now = 0.0;
+        let fades = series(rows).into_iter().flat_map(|of| {
+            let first = of.start;
+            of.map(move |k| (k, k > first))
+        });
+        let fades = fades.map(|(k, goes_on)| {
+            let share = if goes_on {
+                -((rows[k - 1].time_s - rows[k].time_s) / time_s).exp_m1()
+            } else {
+                1.0
+            };
+            now += share * (values[k] - now);
+            now
+        });
+        fades.collect()
+    };
+    FADING_S.iter().map(over).collect()
 }
 
 fn jerk(rows: &[Row]) -> Vec<f64> {
@@ -421,6 +476,67 @@ mod tests {
             let sum: f64 = hats.iter().map(|hat| hat[k]).sum();
             assert!((sum - 1.0).abs() < 1e-12, "{k}: {sum}");
         }
+    }
+
+    #[test]
+    fn what_fades_does_so_over_each_time_and_not_across_recordings() {
+        let rows: Vec<Row> = (0..120)
+            .map(|k| Row {
+                stretch: usize::from(k >= 60),
+                ..Row::at_rest(f64::from(k % 60) / 60.0)
+            })
+            .collect();
+        let stepped: Vec<f64> = (0..120).map(|k| f64::from(k % 60 >= 30)).collect();
+        for (column, time_s) in faded(&rows, &stepped).iter().zip(FADING_S) {
+            for of in [&column[..60], &column[60..]] {
+                assert!(of[..30].iter().all(|value| *value == 0.0));
+                let expected = -(-0.5 / time_s).exp_m1();
+                assert!((of[59] - expected).abs() < 1e-9, "{}", of[59]);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_late_behind_the_motion_lies_in_its_past() {
+        let rows: Vec<Row> = (0..1800)
+            .map(|k| Row::at_rest(f64::from(k) / 60.0))
+            .collect();
+        let swings = [(0.3, 1.0), (1.1, 0.3), (3.7, 0.1)];
+        let acceleration_rad_s2 = each_of(&rows, |time_s| {
+            let swing = |(hz, size): (f64, f64)| size * (TAU * hz * time_s).sin();
+            swings.map(swing).iter().sum()
+        });
+        // two low-passes after each other are in none of the columns
+        let late = |time_constant_s: f64, values: &[f64]| -> Vec<f64> {
+            let mut now = 0.0;
+            let share = -(-1.0 / 60.0 / time_constant_s).exp_m1();
+            let steps = values.iter().map(|value| {
+                now += share * (value - now);
+                now
+            });
+            steps.collect()
+        };
+        let torque_nm = late(0.05, &late(0.2, &acceleration_rad_s2));
+        let mut past = faded(&rows, &acceleration_rad_s2);
+        past.push(acceleration_rad_s2);
+        let columns = DMatrix::from_fn(rows.len(), past.len(), |row, k| past[k][row]);
+        let target = DVector::from_vec(torque_nm);
+        let fit = columns.clone().svd(true, true).solve(&target, 1e-12);
+        let left = &target - columns * fit.expect("both sides of the decomposition are there");
+        assert!(left.norm() < 0.01 * target.norm(), "{}", left.norm());
+    }
+
+    fn each_of(rows: &[Row], value: impl Fn(f64) -> f64) -> Vec<f64> {
+        rows.iter().map(|row| value(row.time_s)).collect()
+    }
+
+    #[test]
+    fn products_are_of_every_two() {
+        let (these, those) = (hats(&[0.0, 1.0, 2.0], 3), hats(&[0.0, 2.0, 1.0], 2));
+        let all = products(&these, &those);
+        assert_eq!(all.len(), 6);
+        let sums = (0..3).map(|k| all.iter().map(|column| column[k]).sum::<f64>());
+        assert!(sums.into_iter().all(|sum| (sum - 1.0).abs() < 1e-12));
     }
 
     #[test]

@@ -23,7 +23,7 @@ const GAIN_MIN: f64 = 17.0;
 /// The most numbers of cycles that are tried.
 const TRIED_MAX: usize = 1500;
 
-/// What two waves take off a target's squares beside columns that are fitted with them, each held by a normal prior of
+/// What columns take off a target's squares beside others that are fitted with them, each of these held by a normal prior of
 /// variance 1.
 pub struct Beside {
     known: DMatrix<f64>,
@@ -34,12 +34,20 @@ pub struct Beside {
 impl Beside {
     /// From whitened columns and target.
     pub fn new(known: &[Vec<f64>], target: &[f64]) -> Self {
-        let known = DMatrix::from_fn(target.len(), known.len(), |row, k| known[k][row]);
+        Self::about(known, target, &vec![0.0; known.len()])
+    }
+
+    /// The same with priors about other values than zero.
+    pub fn about(known: &[Vec<f64>], target: &[f64], means: &[f64]) -> Self {
+        let known = matrix(known, target.len());
         let target = DVector::from_column_slice(target);
         let own = known.tr_mul(&known) + DMatrix::identity(known.ncols(), known.ncols());
         let information = own.cholesky();
         let left = match &information {
-            Some(own) => &target - &known * own.solve(&known.tr_mul(&target)),
+            Some(own) => {
+                let pull = DVector::from_column_slice(means);
+                &target - &known * own.solve(&(known.tr_mul(&target) + pull))
+            }
             None => target,
         };
         Self {
@@ -59,20 +67,31 @@ impl Beside {
         }
     }
 
-    /// By how much two columns lessen the squares.
-    pub fn gain(&self, a: &[f64], b: &[f64]) -> f64 {
-        let pair = DMatrix::from_fn(a.len(), 2, |row, k| if k == 0 { a[row] } else { b[row] });
-        let between = self.known.tr_mul(&pair);
-        let vector = pair.tr_mul(&self.left);
-        let mut matrix = pair.tr_mul(&pair);
+    /// Information about the coefficients of columns: matrix and vector of the normal equations after the others are eliminated.
+    pub fn information(&self, columns: &DMatrix<f64>) -> (DMatrix<f64>, DVector<f64>) {
+        let between = self.known.tr_mul(columns);
+        let vector = columns.tr_mul(&self.left);
+        let mut matrix = columns.tr_mul(columns);
         if let Some(own) = &self.information {
             matrix -= between.transpose() * own.solve(&between);
         }
+        (matrix, vector)
+    }
+
+    /// By how much two columns lessen the squares.
+    pub fn gain(&self, a: &[f64], b: &[f64]) -> f64 {
+        let pair = DMatrix::from_fn(a.len(), 2, |row, k| if k == 0 { a[row] } else { b[row] });
+        let (mut matrix, vector) = self.information(&pair);
         matrix += DMatrix::identity(2, 2) * (1e-9 * matrix.trace() + 1e-12);
         matrix
             .cholesky()
             .map_or(0.0, |matrix| vector.dot(&matrix.solve(&vector)))
     }
+}
+
+/// Columns side by side, of so many rows each.
+pub fn matrix(columns: &[Vec<f64>], rows: usize) -> DMatrix<f64> {
+    DMatrix::from_fn(rows, columns.len(), |row, k| columns[k][row])
 }
 
 /// Cycles per motor turn at which a gain peaks above [`GAIN_MIN`], the highest first, as far as the rows' range of angles tells
@@ -195,5 +214,25 @@ mod tests {
                 .iter()
                 .all(|cycles| *cycles <= 2.0)
         );
+    }
+
+    #[test]
+    fn what_lies_along_known_columns_is_no_information_and_their_priors_count() {
+        let known: Vec<f64> = (0..400).map(|k| (0.1 * f64::from(k)).sin()).collect();
+        let other: Vec<f64> = (0..400).map(|k| (0.37 * f64::from(k)).cos()).collect();
+        let target: Vec<f64> = known
+            .iter()
+            .zip(&other)
+            .map(|(a, b)| 3.0 * a + 2.0 * b)
+            .collect();
+        let columns = matrix(&[known.clone(), other], 400);
+        let beside = Beside::about(&[known], &target, &[3.0]);
+        let (information, vector) = beside.information(&columns);
+        // a prior of variance 1 beside 200 squares leaves next to nothing of it
+        assert!(information[(0, 0)] < 1.0, "{information}");
+        assert!((information[(1, 1)] - 200.0).abs() < 5.0, "{information}");
+        // the prior's mean is what the target has of it, so that nothing is left to explain
+        assert!(vector[0].abs() < 0.1, "{vector}");
+        assert!((vector[1] / information[(1, 1)] - 2.0).abs() < 0.02);
     }
 }

@@ -11,7 +11,6 @@ use crate::observe::Channel;
 use crate::rank::{ALIKE, Round};
 use crate::refine::Refined;
 use crate::search::{Model, Search, Term};
-use crate::trust::Trust;
 
 /// Effects that are fitted by simulation, not only by their linear response, before one is chosen.
 const REFITTED: usize = 4;
@@ -176,11 +175,10 @@ impl Step {
             })
             .collect();
         let base = best_base(search, &round, base, &refitted)?;
-        let of_any_shape = Trust::of(search.twin.joints()).of_any_shape;
-        let structure = if is_beyond(search, &base.residual_nm, of_any_shape) {
-            search.structure(&round, &base)
-        } else {
-            Vec::new()
+        // where an effect is put back nobody asks what is left without it
+        let structure = match before {
+            None => search.structure(&round, &base),
+            Some(_) => Vec::new(),
         };
         let without = search.left(&base.model, &base.residual_nm);
         standings.refit(&round.ranking, without, &simulated);

@@ -285,6 +285,11 @@ impl<'a> JointTwin<'a> {
         self.pieces[0].band.cutoff_hz
     }
 
+    /// Recorded rows a second.
+    pub fn recorded_hz(&self) -> f64 {
+        self.pieces[0].band.rate_hz
+    }
+
     /// Compared numbers a second in one channel.
     pub fn rows_hz(&self) -> f64 {
         let band = self.pieces[0].band;
