@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use robot::Effect;
 
 use crate::evidence::Left;
-use crate::fit::Bound;
+use crate::fit::{BLOCKS, Bound, block_of};
 use crate::hypothesis::{Hypothesis, plain};
 use crate::known::Known;
 use crate::observe::Channel;
@@ -289,6 +289,16 @@ impl<'a> Search<'a> {
             square: self.square(residual_nm),
             strain: strain(model, &[]),
         }
+    }
+
+    /// Whitened squares of a residual in each block of time.
+    pub(crate) fn squares_of_blocks(&self, residual_nm: &[f64]) -> [f64; BLOCKS] {
+        let mut squares = [0.0; BLOCKS];
+        let white = self.whitener.apply(residual_nm);
+        for (block, x) in block_of(&self.twin.rows).into_iter().zip(white) {
+            squares[block] += x * x;
+        }
+        squares
     }
 
     /// Whitened squares of a residual.

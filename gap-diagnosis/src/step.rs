@@ -167,15 +167,21 @@ impl Step {
                 refitted.push((index, left, refined));
             }
         }
+        let base = best_base(search, &round, base, &refitted)?;
+        let before = search.squares_of_blocks(&base.residual_nm);
         let simulated: Vec<Simulated> = refitted
             .iter()
-            .map(|(index, left, refined)| Simulated {
-                index: *index,
-                left: *left,
-                certainty: search.certainty(refined),
+            .map(|(index, left, refined)| {
+                let after = search.squares_of_blocks(&refined.residual_nm);
+                let off = before.iter().zip(&after).map(|(b, a)| b - a);
+                Simulated {
+                    index: *index,
+                    left: *left,
+                    most_in_block: off.fold(0.0, f64::max),
+                    certainty: search.certainty(refined),
+                }
             })
             .collect();
-        let base = best_base(search, &round, base, &refitted)?;
         let of_any_shape = Trust::of(search.twin.joints()).of_any_shape;
         let structure = if is_beyond(search, &base.residual_nm, of_any_shape) {
             search.structure(&round, &base)
