@@ -35,7 +35,7 @@ const IN_ARM: Trust = Trust {
     by_file: 0.3,
     by_known: 0.1,
     of_any_shape: 2.0,
-    least: 0.7,
+    least: 0.4,
     naming_nats: 3.0,
     friction_nats: 90.0,
     rest_nats: 60.0,
