@@ -48,6 +48,8 @@ const TURNS_NATS: f64 = 8.0;
 const SURE_ERRORS: f64 = 5.0;
 /// What is left with an effect over what is left without it, as squares, below which its size is not in doubt either.
 const ALMOST_ALL: f64 = 0.1;
+/// Times what an effect is worth without the second in which it takes most off that it is worth at most.
+const BEYOND_ONE_SECOND: f64 = 5.0;
 /// Nats by which an effect must leave less than another for the other not to be preferred because its size is surer.
 const DECISIVE_NATS: f64 = 30.0;
 
@@ -92,6 +94,8 @@ pub struct Simulated {
     pub index: usize,
     /// What it leaves.
     pub left: Left,
+    /// Squares that it takes off the second in which it takes most off.
+    pub most_in_a_second: f64,
     /// Squared size in units of its covariance.
     pub certainty: Option<f64>,
 }
@@ -242,6 +246,16 @@ fn most_worth(square: f64, cost: f64) -> f64 {
     }
 }
 
+/// The most that an effect is worth that is worth so much without the second in which it takes most off. A law holds all the
+/// time; what happens once, when a joint breaks away or gets stuck, is an event to which a law with enough freedom can be bent.
+fn most_by_rest(worth_of_rest: f64) -> f64 {
+    if worth_of_rest > 0.0 {
+        BEYOND_ONE_SECOND * worth_of_rest
+    } else {
+        worth_of_rest
+    }
+}
+
 /// What effects are worth, each given with what it would be if its size were not in doubt first: what leaves decisively more than
 /// another stays behind it, however much that one's size is in doubt.
 fn decided(all: &[[f64; 2]]) -> impl Iterator<Item = f64> {
@@ -357,13 +371,15 @@ impl Standings {
             let scored = &ranking.scored[simulated.index];
             let errors = (without.square - simulated.left.square) / variance;
             let spared = without.strain - simulated.left.strain;
+            let in_rest = errors - simulated.most_in_a_second / variance;
+            let of_rest = most_by_rest(worth(ranking, scored, in_rest, spared));
             let worth = worth(ranking, scored, errors, spared);
             let cost = cost_in_doubt(ranking, &scored.hypothesis);
             let certainty = simulated
                 .certainty
                 .filter(|_| simulated.left.square > ALMOST_ALL * without.square);
             let most = certainty.map_or(f64::INFINITY, |square| most_worth(square, cost));
-            [worth, worth.min(most)]
+            [worth, worth.min(most).min(of_rest)]
         };
         let mut all: Vec<[f64; 2]> = simulated.iter().map(values).collect();
         let costs_in_file: Vec<f64> = simulated
@@ -490,6 +506,21 @@ mod tests {
         // what leaves decisively less stays ahead of what is surer of its size
         assert_eq!(of([[500.0, 20.0], [380.0, 380.0]]), [20.0, -10.0]);
         assert_eq!(of([[500.0, 20.0], [480.0, 480.0]]), [20.0, 480.0]);
+    }
+
+    #[test]
+    fn what_happens_once_is_no_law() {
+        // worth naming, but not without one second
+        assert_eq!(most_by_rest(-4.0), -4.0);
+        assert!(most_by_rest(0.0) <= 0.0);
+        // what lasts is not bounded: nine tenths of it are in the other seconds
+        let naming_nats = 10.0;
+        for gain_nats in [12.0, 100.0, 1e4] {
+            let of_rest = most_by_rest(0.9 * gain_nats - naming_nats);
+            assert!(of_rest >= gain_nats - naming_nats, "{gain_nats}");
+        }
+        // one that moves for a third of the time only loses nothing either, once it is well seen
+        assert!(most_by_rest(0.67 * 25.0 - naming_nats) >= 25.0 - naming_nats);
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! A joint's recordings beside its twin: the numbers that are compared, how sure they are, and models of the joint.
 
+use std::collections::BTreeMap;
+
 use joint_model::filter::FilterError;
 use rand_core::{RngCore, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -311,6 +313,21 @@ impl<'a> Search<'a> {
             square: self.square(residual_nm),
             strain: strain(model, &[]),
         }
+    }
+
+    /// The most that whitened squares fall within a second, from one residual to another.
+    pub(crate) fn most_in_a_second(&self, before_nm: &[f64], after_nm: &[f64]) -> f64 {
+        let [before, after] = [before_nm, after_nm].map(|of| self.whitener.apply(of));
+        let mut halves: BTreeMap<(usize, u64), f64> = BTreeMap::new();
+        for (row, (before, after)) in self.twin.rows.iter().zip(before.iter().zip(&after)) {
+            let half = (row.stretch, (2.0 * row.time_s) as u64);
+            *halves.entry(half).or_default() += before * before - after * after;
+        }
+        let with_next = halves.iter().map(|(&(stretch, half), square)| {
+            let next = halves.get(&(stretch, half + 1));
+            square + next.copied().unwrap_or(0.0)
+        });
+        with_next.fold(0.0, f64::max)
     }
 
     /// Whitened squares of a residual.

@@ -166,15 +166,16 @@ impl Step {
                 refitted.push((index, left, refined));
             }
         }
+        let base = best_base(search, &round, base, &refitted)?;
         let simulated: Vec<Simulated> = refitted
             .iter()
             .map(|(index, left, refined)| Simulated {
                 index: *index,
                 left: *left,
-                certainty: search.certainty(base, refined),
+                most_in_a_second: search.most_in_a_second(&base.residual_nm, &refined.residual_nm),
+                certainty: search.certainty(&base, refined),
             })
             .collect();
-        let base = best_base(search, &round, base, &refitted)?;
         // where an effect is put back nobody asks what is left without it
         let structure = match before {
             None => search.structure(&round, &base),
