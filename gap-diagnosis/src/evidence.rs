@@ -140,7 +140,7 @@ fn cost_in_doubt(ranking: &Ranking, hypothesis: &Hypothesis) -> f64 {
 }
 
 /// Whether an effect is twist that no encoder shows, or what a gear loses as it twists.
-fn is_of_twist(effect: &str, sees_torsion: bool) -> bool {
+pub(crate) fn is_of_twist(effect: &str, sees_torsion: bool) -> bool {
     let is_hidden = AT_REVERSALS_UNSEEN.contains(&effect) && !sees_torsion;
     is_hidden || LOSSES_OF_TWIST.contains(&effect)
 }
@@ -237,12 +237,12 @@ fn tempered(gain: f64) -> f64 {
 fn most_worth(square: f64, cost: f64) -> f64 {
     let doubt = 1.0 - square / SURE_ERRORS.powi(2);
     let worth = 0.5 * square - cost;
-    if doubt <= 0.0 {
-        f64::INFINITY
-    } else if worth > 0.0 {
+    if worth <= 0.0 {
+        worth
+    } else if doubt > 0.0 {
         worth / doubt
     } else {
-        worth
+        f64::INFINITY
     }
 }
 
@@ -549,6 +549,8 @@ mod tests {
         let square = 4.7 * 4.7;
         assert!(most_worth(square, naming(2)) > 10.0);
         assert!(most_worth(square, naming(2) + AT_REVERSALS) < 0.0);
+        // nor does it leap to anything where other sizes are no longer in doubt
+        assert!(most_worth(5.5 * 5.5, naming(2) + AT_REVERSALS) < 0.0);
     }
 
     #[test]

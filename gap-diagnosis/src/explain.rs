@@ -56,6 +56,7 @@ pub struct Explanation {
     /// Each step's candidates: those of the first, then those beside the effects before.
     pub rounds: Vec<Step>,
     named_gain: f64,
+    settled_gain: f64,
 }
 
 impl Explanation {
@@ -70,9 +71,14 @@ impl Explanation {
         self.named_gain
     }
 
+    /// The same with what was settled before: those laws are not exact either.
+    fn all_gain(&self) -> f64 {
+        self.named_gain + self.settled_gain
+    }
+
     /// Whether a torque of no named law is left.
     pub fn remains(&self) -> Remains {
-        remains(&self.last().structure, self.named_gain())
+        remains(&self.last().structure, self.all_gain())
     }
 
     /// Whether the names only imitate something else: they leave most of it, or a steady vibration takes off as much, or a smooth
@@ -100,7 +106,7 @@ impl Explanation {
 
     /// Probability that the cause is on no list.
     pub fn unknown_probability(&self) -> f64 {
-        unknown_probability(&self.last().structure, self.named_gain())
+        unknown_probability(&self.last().structure, self.all_gain())
     }
 }
 
@@ -193,6 +199,7 @@ impl Beginning {
         }
         let is_series = growing.drop_series()?;
         let named_gain = growing.named_gain(&without);
+        let settled_gain = settled_gain(search, &without)?;
         let mut rounds = growing.added;
         rounds.push(growing.last);
         let explanation = Explanation {
@@ -200,6 +207,7 @@ impl Beginning {
             without: without.clone(),
             rounds,
             named_gain,
+            settled_gain,
         };
         let is_named = explanation.named_gain() > 0.0;
         if is_series && !is_named || is_named && explanation.is_imitation(search, first) {
@@ -208,6 +216,7 @@ impl Beginning {
                 without,
                 rounds: vec![first.clone().unnamed()],
                 named_gain: 0.0,
+                settled_gain,
             });
         }
         Ok(explanation)
@@ -580,6 +589,19 @@ pub(crate) fn without_effects(
 ) -> Result<Refined, FilterError> {
     let (_, fitted) = known_fitted(search, &Model::of_settled(search, settled))?;
     Ok(fitted)
+}
+
+/// Half the squares that settled effects take off.
+fn settled_gain(search: &Search<'_>, without: &Refined) -> Result<f64, FilterError> {
+    if without.model.settled.is_empty() {
+        return Ok(0.0);
+    }
+    let bare = Model {
+        settled: Vec::new(),
+        ..without.model.clone()
+    };
+    let more = search.square(&search.residual_nm(&bare)?) - search.square(&without.residual_nm);
+    Ok(0.5 * more.max(0.0))
 }
 
 /// Known values fitted, and everything beside them. They do not respond in proportion: their responses are found again

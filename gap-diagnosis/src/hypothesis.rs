@@ -318,6 +318,12 @@ impl Hypothesis {
             .is_some_and(|shape| !self.is_periodic() || shape.fract() != 0.0)
     }
 
+    /// Whether the effect shows in the same motion whatever its shape: friction that falls with speed in all that is slow. Other shapes
+    /// choose where an effect shows.
+    pub fn shows_at_any_shape(&self) -> bool {
+        self.form == Form::Stribeck
+    }
+
     /// Relative change of the shape by which its derivative is found.
     pub fn shape_step(&self, scale: &Scale) -> f64 {
         match self.shape.first() {

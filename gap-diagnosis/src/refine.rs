@@ -312,9 +312,10 @@ impl Search<'_> {
     }
 
     /// Squared size of the last effect of a refined model in units of its covariance, which comes from the scatter between
-    /// blocks of time. Its shape is held: without the effect there is none to be unsure of. So are known values at the same end of
-    /// their tolerance as without the effect: they have no room to stand in for it. None for an effect without a size.
-    pub fn certainty(&self, without: &Refined, refined: &Refined) -> Option<f64> {
+    /// blocks of time. A shape that does not choose where the effect shows is held: without the effect there is none to be unsure of.
+    /// So are known values at the same end of their tolerance as without the effect, where that is given: they have no room to stand
+    /// in for it. None for an effect without a size.
+    pub fn certainty(&self, without: Option<&Refined>, refined: &Refined) -> Option<f64> {
         let last = refined.model.terms.last()?;
         let values = Self::values(&last.hypothesis);
         let sizes = values - usize::from(last.hypothesis.shape_is_free());
@@ -322,20 +323,26 @@ impl Search<'_> {
             return None;
         }
         let first = refined.columns.len() - values;
-        let known = without.model.known.iter().zip(&refined.model.known);
         let bounds = self.bounds();
-        let is_held: Vec<bool> = known
-            .zip(&bounds)
-            .map(|((before, after), bound)| {
-                let end = bound.end(*before);
-                end.is_some() && end == bound.end(*after)
-            })
-            .collect();
-        let chosen: Vec<usize> = (0..first + sizes)
-            .filter(|k| !is_held.get(*k).copied().unwrap_or(false))
-            .collect();
+        let is_held = |k: usize| {
+            let known = [without.map(|of| &of.model), Some(&refined.model)]
+                .map(|model| model.and_then(|model| model.known.get(k)));
+            match (known, bounds.get(k)) {
+                ([Some(before), Some(after)], Some(bound)) => {
+                    let end = bound.end(*before);
+                    end.is_some() && end == bound.end(*after)
+                }
+                _ => false,
+            }
+        };
+        let shown = if last.hypothesis.shows_at_any_shape() {
+            sizes
+        } else {
+            values
+        };
+        let chosen: Vec<usize> = (0..first + shown).filter(|k| !is_held(*k)).collect();
         let (_, covariance) = self.covariance(refined, &chosen);
-        let first = chosen.len() - sizes;
+        let first = chosen.len() - shown;
         let own = covariance.view((first, first), (sizes, sizes)).into_owned();
         let size = DVector::from_column_slice(&last.amplitudes);
         // what cannot be told apart may be as large as one likes

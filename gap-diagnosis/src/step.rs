@@ -4,7 +4,8 @@ use joint_model::filter::FilterError;
 use rayon::prelude::*;
 
 use crate::evidence::{
-    Left, Probability, SAME_TORQUE, Simulated, Standings, standings, together, variance_of,
+    Left, Probability, SAME_TORQUE, Simulated, Standings, is_of_twist, standings, together,
+    variance_of,
 };
 use crate::judge::Squares;
 use crate::observe::Channel;
@@ -169,11 +170,17 @@ impl Step {
         let base = best_base(search, &round, base, &refitted)?;
         let simulated: Vec<Simulated> = refitted
             .iter()
-            .map(|(index, left, refined)| Simulated {
-                index: *index,
-                left: *left,
-                most_in_a_second: search.most_in_a_second(&base.residual_nm, &refined.residual_nm),
-                certainty: search.certainty(&base, refined),
+            .map(|(index, left, refined)| {
+                let is_twist =
+                    is_of_twist(of(*index).hypothesis.effect, round.ranking.sees_torsion);
+                Simulated {
+                    index: *index,
+                    left: *left,
+                    most_in_a_second: search
+                        .most_in_a_second(&base.residual_nm, &refined.residual_nm),
+                    // what shows at reversals, where no twin is to be trusted, is doubted in full
+                    certainty: search.certainty((!is_twist).then_some(&base), refined),
+                }
             })
             .collect();
         // where an effect is put back nobody asks what is left without it
