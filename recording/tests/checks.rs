@@ -340,6 +340,37 @@ fn a_weak_controller_that_lets_gravity_and_friction_pull_is_no_gear_ratio() {
 }
 
 #[test]
+fn a_joint_that_gravity_holds_back_all_the_way_one_way_is_no_error_of_its_positions() {
+    let (_, ratio, _) = JOINTS[1];
+    for has_link_encoder in [true, false] {
+        let mut recording = whole();
+        let rows = recording.time_s.len();
+        let joint_rad: Vec<f64> = (0..rows).map(|row| row as f64 / rows as f64).collect();
+        let motor_rad = joint_rad.iter().map(|q| ratio * q).collect();
+        // what a weak controller lacks grows with the load, and friction is the same all the way
+        let reference_rad = joint_rad.iter().map(|q| 1.14 * q + 0.05).collect();
+        for signal in [
+            Signal::LinkVelocityRadS,
+            Signal::MotorVelocityRadS,
+            Signal::ReferenceVelocityRadS,
+        ] {
+            recording.joints[1].signals.remove(&signal);
+        }
+        *column(&mut recording, 1, Signal::LinkPositionRad) = joint_rad;
+        if !has_link_encoder {
+            recording.joints[1].signals.remove(&Signal::LinkPositionRad);
+        }
+        *column(&mut recording, 1, Signal::MotorPositionRad) = motor_rad;
+        *column(&mut recording, 1, Signal::ReferencePositionRad) = reference_rad;
+        let findings = check(&recording, Some(&robot()));
+        let is_error = |finding: &&Finding| finding.severity == Severity::Error;
+        let errors: Vec<&Finding> = findings.iter().filter(is_error).collect();
+        let of_position = |finding: &&&Finding| finding.is_of_position();
+        assert_eq!(errors.iter().filter(of_position).count(), 0, "{errors:#?}");
+    }
+}
+
+#[test]
 fn what_may_be_a_gear_ratio_or_a_weak_controller_is_a_warning() {
     let mut robot = robot();
     robot.joints[1].gear_ratio = 100.0 / 1.15;

@@ -18,8 +18,10 @@ const STRAIGHT: f64 = 0.4;
 /// A real joint stays behind its reference, and a short swing of it is far from the same.
 const TRACKING: Range<f64> = 0.6..1.6;
 /// A joint that its controller lets fall behind does not do so in proportion: friction alone scatters the line by more than this
-/// part of what gravity tilts it. A wrong gear ratio does not.
+/// part of what gravity tilts it, once the joint goes back as well. A wrong gear ratio does not.
 const RULED: f64 = 0.1;
+/// Part of the reference's way that leads back where it goes both ways.
+const BACK: f64 = 0.05;
 /// Time over which a velocity is taken from positions.
 const BLOCK_S: f64 = 0.1;
 const BLOCK_ROWS: usize = 5;
@@ -161,6 +163,20 @@ fn scatter(joint: &JointColumns, x: Signal, y: Signal) -> f64 {
         .map_or(1.0, |line| (1.0 - line.correlation.powi(2)).max(0.0).sqrt())
 }
 
+/// Whether a position goes both ways.
+fn goes_back(position: &[f64]) -> bool {
+    let steps = position.windows(2).map(|pair| pair[1] - pair[0]);
+    let (mut forth, mut back) = (0.0, 0.0);
+    for step in steps.filter(|step| step.is_finite()) {
+        if step > 0.0 {
+            forth += step;
+        } else {
+            back -= step;
+        }
+    }
+    f64::min(forth, back) > BACK * (forth + back)
+}
+
 fn is_off(factor: f64) -> bool {
     (factor - 1.0).abs() > 2.0 * MEASURED
 }
@@ -172,6 +188,8 @@ struct Followed {
     factor: f64,
     /// How far the two are from a straight line.
     scatter: f64,
+    /// Whether the reference goes both ways.
+    goes_back: bool,
 }
 
 impl Followed {
@@ -181,12 +199,13 @@ impl Followed {
         Some(Self {
             factor: slope(from?, to?, SAME)? / per_turn,
             scatter: scatter(joint, Signal::ReferencePositionRad, position),
+            goes_back: goes_back(from?),
         })
     }
 
     /// Whether no controller follows so.
     fn is_wrong(self) -> bool {
-        let is_ruled = self.scatter < RULED * (self.factor - 1.0).abs();
+        let is_ruled = self.goes_back && self.scatter < RULED * (self.factor - 1.0).abs();
         !TRACKING.contains(&self.factor) || is_ruled && is_off(self.factor)
     }
 }
