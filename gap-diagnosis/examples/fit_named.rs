@@ -11,7 +11,7 @@
 use std::error::Error;
 use std::path::Path;
 
-use gap_diagnosis::hypothesis::{Hypothesis, plain};
+use gap_diagnosis::hypothesis::{Hypothesis, Shown, plain};
 use gap_diagnosis::search::{Model, Search, Term};
 use gap_diagnosis::stretch::stretches;
 use gap_diagnosis::twin::JointTwin;
@@ -36,9 +36,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let nothing = search.refine(&alone, &Model::default())?;
     let mut best = (size(&nothing.residual_nm), nothing);
+    let shown = Shown {
+        joints: search.twin.joints(),
+        has_link_encoder: false,
+        has_command: false,
+        timing_is_open: false,
+    };
     let before = best.0;
     for name in arguments {
-        let offered = plain(&search.scale, false, false, false).into_iter();
+        let offered = plain(&search.scale, shown).into_iter();
         let shapes: Vec<Hypothesis> = offered.filter(|shape| shape.effect == name).collect();
         if shapes.is_empty() {
             return Err(

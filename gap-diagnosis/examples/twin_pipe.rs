@@ -20,7 +20,7 @@ use std::error::Error;
 use std::io::{BufRead, Write};
 use std::path::Path;
 
-use gap_diagnosis::hypothesis::plain;
+use gap_diagnosis::hypothesis::{Shown, plain};
 use gap_diagnosis::judge::Squares;
 use gap_diagnosis::known::Known;
 use gap_diagnosis::observe::Channel;
@@ -114,7 +114,13 @@ fn errors(search: &Search<'_>, changes: &Changes) -> Result<[f64; 2], Box<dyn Er
 
 fn refit(search: &Search<'_>) -> Result<[f64; 3], Box<dyn Error>> {
     let round = search.known_alone(&Model::default())?;
-    let offered = plain(&search.scale, false, false, false).into_iter();
+    let shown = Shown {
+        joints: search.twin.joints(),
+        has_link_encoder: false,
+        has_command: false,
+        timing_is_open: false,
+    };
+    let offered = plain(&search.scale, shown).into_iter();
     let terms = offered
         .filter(|hypothesis| NAMES.contains(&hypothesis.effect))
         .map(|hypothesis| Term {

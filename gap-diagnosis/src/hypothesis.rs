@@ -739,7 +739,7 @@ mod tests {
             assert_eq!(one.repeats(other), one.effect != "kinematic_error");
         }
         assert!(!once[0].repeats(&twice[2]));
-        let plain = plain(&scale(), true, true, true);
+        let plain = plain(&scale(), ARM);
         let mut others = plain.iter().filter(|one| !one.is_periodic());
         assert!(!others.any(|one| one.repeats(one)));
     }
