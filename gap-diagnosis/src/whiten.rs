@@ -63,10 +63,10 @@ const INERTIAL: f64 = 0.02;
 const UNSEEN: f64 = 2.0;
 /// Of the torque that swings the rotor above the band, friction within it is off by this part.
 const VIBRATING: f64 = 0.2;
-/// Slower than this part of the fastest is as good as standing, unless the joint has slid so far since it stood or turned: twenty
-/// times as far as friction bends before it slips, beyond which a slow joint's friction is as much law as a quick one's.
+/// Slower than this part of the fastest is as good as standing, unless the joint has gone so far as slowly: by then its friction is
+/// as much law as a quick joint's. Who only passes through, before or after a turn, has not.
 const STANDING: f64 = 0.03;
-const SLID_RAD: f64 = 4e-3;
+const SLID_RAD: f64 = 1e-2;
 /// Slower than this part of the fastest it stands.
 const STILL: f64 = 0.003;
 
@@ -109,7 +109,7 @@ fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor)
     weights
 }
 
-/// When a joint turns, stands, or has not slid far since.
+/// When a joint turns, stands, or is slow and has not gone far since it was so.
 fn turns_s(rows: &[Row], fastest_rad_s: f64) -> Vec<f64> {
     let mut turns_s = Vec::new();
     let mut way_rad = 0.0;
@@ -117,7 +117,7 @@ fn turns_s(rows: &[Row], fastest_rad_s: f64) -> Vec<f64> {
         let [before, row] = [&pair[0], &pair[1]];
         let turns = before.velocity_rad_s * row.velocity_rad_s <= 0.0;
         let part = row.velocity_rad_s.abs() / fastest_rad_s;
-        if turns || part < STILL {
+        if turns || !(STILL..STANDING).contains(&part) {
             way_rad = 0.0;
         } else {
             way_rad += (row.position_rad - before.position_rad).abs();
