@@ -43,8 +43,6 @@ const AS_MUCH_OF_SERIES: f64 = 0.8;
 const STRAINED: f64 = 3.0;
 /// Times noise and the twin's own errors, as squares, up to which one effect is taken for all there is.
 const WELL_EXPLAINED: f64 = 2.0;
-/// Part of the way to its bound from which a known value is at it.
-const AT_BOUND: f64 = 0.999;
 
 /// What explains a joint's residual.
 #[derive(Clone, Debug)]
@@ -315,7 +313,8 @@ impl Growing<'_, '_> {
     fn is_at_bound(&self) -> bool {
         let known = self.refined.model.known.iter();
         let mut bounded = known.zip(self.search.bounds());
-        bounded.any(|(value, bound)| value.abs() >= AT_BOUND * bound.range[1])
+        // what cannot be negative is at zero where nothing moved it
+        bounded.any(|(value, bound)| bound.end(*value).is_some_and(|end| end != 0.0))
     }
 
     /// Whether another start may end elsewhere: none or several effects were named, something is left, more than noise and the

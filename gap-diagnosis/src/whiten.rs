@@ -271,18 +271,9 @@ mod tests {
             let row = |(k, velocity_rad_s): (usize, f64)| {
                 position_rad += 0.01 * velocity_rad_s;
                 Row {
-                    time_s: 0.01 * k as f64,
                     velocity_rad_s,
                     position_rad,
-                    stretch: 0,
-                    channel: Channel::Motor,
-                    acceleration_rad_s2: 0.0,
-                    load_nm: 0.0,
-                    motor_angle_rad: 0.0,
-                    inertial_nm: 0.0,
-                    unseen_nm: 0.0,
-                    vibrating_nm: 0.0,
-                    beating_nm: 0.0,
+                    ..Row::at_rest(0.01 * k as f64)
                 }
             };
             speeds.enumerate().map(row).collect()
