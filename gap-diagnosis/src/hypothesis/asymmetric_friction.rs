@@ -1,0 +1,26 @@
+//! Asymmetric friction: half the difference between the directions, as its only amplitude.
+
+use robot::Effect;
+
+use super::form::{Form, Series, friction_step_nm};
+use crate::scale::Scale;
+
+#[derive(Debug)]
+pub struct AsymmetricFriction;
+
+impl Form for AsymmetricFriction {
+    fn name(&self) -> &'static str {
+        "asymmetric_friction"
+    }
+
+    fn effect(&self, amplitude: &[f64], _: f64, scale: &Scale) -> Effect {
+        Effect::AsymmetricFriction {
+            asymmetry_nm: amplitude[0] * friction_step_nm(scale),
+        }
+    }
+
+    /// The constant term.
+    fn series(&self) -> &'static [Series] {
+        &[Series::Position]
+    }
+}

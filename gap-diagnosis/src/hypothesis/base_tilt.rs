@@ -1,0 +1,32 @@
+//! Tilt of the base: gravity points elsewhere than the file says. Roll and pitch enter linearly.
+
+use robot::Effect;
+
+use super::form::{Form, Series};
+use crate::scale::Scale;
+
+const STEP_RAD: f64 = 0.005;
+
+#[derive(Debug)]
+pub struct BaseTilt;
+
+impl Form for BaseTilt {
+    fn name(&self) -> &'static str {
+        "base_tilt"
+    }
+
+    fn effect(&self, amplitude: &[f64], _: f64, _: &Scale) -> Effect {
+        Effect::BaseTilt {
+            roll_rad: amplitude[0] * STEP_RAD,
+            pitch_rad: amplitude[1] * STEP_RAD,
+        }
+    }
+
+    fn amplitudes(&self) -> usize {
+        2
+    }
+
+    fn series(&self) -> &'static [Series] {
+        &[Series::Position]
+    }
+}
