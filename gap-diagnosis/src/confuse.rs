@@ -23,6 +23,8 @@ const SOFT_GEAR: &str = "torsional_compliance";
 const INERTIAS: [&str; 2] = ["rotor_inertia", "link_inertia"];
 /// Pairs that are shown.
 const PAIRS_MAX: usize = 24;
+/// Nats by which the evidence tells apart even what is near: it has heard more than the shape of a response.
+const FAR_NATS: f64 = 4.0;
 /// Nats by which an explanation must lead one that is near to it.
 const LEAD_NATS: f64 = 3.0;
 
@@ -176,7 +178,7 @@ fn others_alike(told: &Told<'_>, step: &Step, own: &Scored, own_nats: f64) -> Ve
             continue;
         }
         let distance = step.round.distance(own, other);
-        let is_near = nats > own_nats - DISTANCE_MIN && distance < DISTANCE_MIN;
+        let is_near = nats > own_nats - FAR_NATS && distance < DISTANCE_MIN;
         let is_alike = is_alike(told, step, own, distance, ALIKE_PART);
         if is_near || nats > own_nats - LEAD_NATS || is_alike {
             found.push(pair(told, names_of(own, other), distance));

@@ -7,6 +7,7 @@
 
 use crate::hypothesis::Hypothesis;
 use crate::rank::{Ranking, Scored};
+use crate::search::Term;
 use crate::trust::Trust;
 
 /// By how much evidence is tempered.
@@ -18,8 +19,13 @@ const NAMING: f64 = 7.0;
 const VALUE: f64 = 1.5;
 /// What an effect costs beside that whose cycles are the best of very many.
 const AMONG_MANY: f64 = 14.0;
+/// What one costs beside whose cycles are no whole number: of those there are many times more.
+const NO_WHOLE_NUMBER: f64 = 7.0;
 /// What an effect costs beside that which shows at reversals, where friction before it slips is nobody's law.
 const AT_REVERSALS: f64 = 14.0;
+/// Of it, what friction that falls with speed does not owe: that is how most joints slide, while one that rubs less as it begins to
+/// move may be one that has not slipped yet.
+const FALLS: f64 = 7.0;
 const AT_REVERSALS_ALWAYS: [&str; 3] = [
     "stribeck_friction",
     "structural_damping",
@@ -29,6 +35,8 @@ const AT_REVERSALS_ALWAYS: [&str; 3] = [
 const LOSSES_OF_TWIST: [&str; 2] = ["structural_damping", "torsional_hysteresis"];
 /// What damping of the gear costs beside: below the band's limit it makes next to no torque.
 const DAMPING: f64 = 6.0;
+/// What twist costs beside where rows come more slowly than any loop: what a gear's swing does between two of them is not recorded.
+const ALIASED_TWIST: f64 = 30.0;
 /// What a slow current loop costs beside: every drive's is, a little.
 const EVERY_LOOP: f64 = 14.0;
 /// What an effect costs beside whose law the robot file has already, refitted: the twin's version of it is not the robot's.
@@ -98,6 +106,8 @@ pub struct Simulated {
     pub most_in_a_second: f64,
     /// Squared size in units of its covariance.
     pub certainty: Option<f64>,
+    /// Whether it is a law still, and not at the end of where it is one.
+    pub is_law: bool,
 }
 
 /// Probability of an effect or of none.
@@ -124,7 +134,7 @@ fn nats(ranking: &Ranking, scored: &Scored, variance: f64) -> f64 {
 /// What taking so much off squares and strain is worth for this effect.
 fn worth(ranking: &Ranking, scored: &Scored, errors: f64, spared: f64) -> f64 {
     let gain = tempered(errors - ranking.roughness) + 0.5 * spared;
-    let nats = gain - cost(ranking, &scored.hypothesis);
+    let nats = gain - cost(ranking, &scored.hypothesis, &scored.amplitudes);
     // a response that is no number explains nothing
     if nats.is_finite() { nats } else { NOTHING }
 }
@@ -133,7 +143,7 @@ fn worth(ranking: &Ranking, scored: &Scored, errors: f64, spared: f64) -> f64 {
 /// well. That shows at reversals, where rows count so little that next to nothing is left of them, however wrong the twin is there.
 fn cost_in_doubt(ranking: &Ranking, hypothesis: &Hypothesis) -> f64 {
     if is_of_twist(hypothesis.effect, ranking.sees_torsion) {
-        return cost(ranking, hypothesis);
+        return cost(ranking, hypothesis, &[]);
     }
     let values = hypothesis.amplitudes() + hypothesis.shape.len();
     naming(values) + Trust::of(ranking.joints).naming_nats
@@ -145,21 +155,29 @@ pub(crate) fn is_of_twist(effect: &str, sees_torsion: bool) -> bool {
     is_hidden || LOSSES_OF_TWIST.contains(&effect)
 }
 
-/// What naming this effect costs, in nats.
-fn cost(ranking: &Ranking, hypothesis: &Hypothesis) -> f64 {
+/// What naming this effect costs at this size, in nats.
+fn cost(ranking: &Ranking, hypothesis: &Hypothesis, amplitudes: &[f64]) -> f64 {
     let is_twist = AT_REVERSALS_UNSEEN.contains(&hypothesis.effect);
     let at_reversals =
         AT_REVERSALS_ALWAYS.contains(&hypothesis.effect) || is_twist && !ranking.sees_torsion;
+    let falls = hypothesis.effect == "stribeck_friction" && amplitudes.iter().all(|a| *a > 0.0);
     let beside = if hypothesis.effect == "structural_damping" {
         AT_REVERSALS + DAMPING
+    } else if falls {
+        AT_REVERSALS - FALLS
     } else if at_reversals {
         AT_REVERSALS
+    } else if hypothesis.is_periodic() && hypothesis.shape_is_free() {
+        AMONG_MANY + NO_WHOLE_NUMBER
     } else if hypothesis.is_periodic() {
         AMONG_MANY
     } else {
         0.0
     };
     let mut beside = beside + Trust::of(ranking.joints).naming_nats;
+    if ranking.is_aliased && (is_twist || LOSSES_OF_TWIST.contains(&hypothesis.effect)) {
+        beside += ALIASED_TWIST;
+    }
     if hypothesis.effect == "current_loop_lag" {
         beside += EVERY_LOOP;
     }
@@ -209,11 +227,12 @@ pub fn together<'a>(
     ranking: &Ranking,
     [without, left]: [Left; 2],
     variance: f64,
-    effects: impl IntoIterator<Item = &'a Hypothesis>,
+    effects: impl IntoIterator<Item = &'a Term>,
 ) -> f64 {
     let errors = (without.square - left.square) / variance;
     let spared = without.strain - left.strain;
-    let costs = effects.into_iter().map(|effect| cost(ranking, effect));
+    let cost = |term: &Term| cost(ranking, &term.hypothesis, &term.amplitudes);
+    let costs = effects.into_iter().map(cost);
     tempered(errors) + 0.5 * spared - costs.sum::<f64>()
 }
 
@@ -362,6 +381,8 @@ impl Standings {
     /// An effect of few standard errors is worth no more than they allow: they know from the scatter between blocks of time
     /// how far a twin's errors look like the effect. What leaves decisively more than such an effect stays behind it. One that
     /// takes off nearly everything is not in doubt, however unsure its size is beside known values that can do a part of it.
+    ///
+    /// What is no law any more where it fits best is worth nothing.
     pub fn refit(&mut self, ranking: &Ranking, without: Left, simulated: &[Simulated]) {
         let squares = simulated.iter().map(|simulated| simulated.left.square);
         let least = squares.fold(without.square, f64::min);
@@ -369,6 +390,9 @@ impl Standings {
         // by what it leaves, and with what its size is in doubt
         let values = |simulated: &Simulated| {
             let scored = &ranking.scored[simulated.index];
+            if !simulated.is_law {
+                return [worth(ranking, scored, 0.0, 0.0); 2];
+            }
             let errors = (without.square - simulated.left.square) / variance;
             let spared = without.strain - simulated.left.strain;
             let in_rest = errors - simulated.most_in_a_second / variance;
@@ -481,6 +505,9 @@ pub fn unknown_probability(structure: &[(&'static str, f64)], named_nats: f64) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::HeldOut;
+    use crate::hypothesis::tests::{ARM, scale};
+    use crate::hypothesis::{periodic, plain};
 
     #[test]
     fn what_is_left_counts_beside_what_is_named() {
@@ -493,6 +520,37 @@ mod tests {
         assert!(unknown_probability(&left, 0.0) > 0.9);
         assert!(unknown_probability(&left, 4000.0) < 0.1);
         assert!(unknown_probability(&[("time", -12.0)], 0.0) < 0.1);
+    }
+
+    #[test]
+    fn what_is_less_likely_costs_more() {
+        let ranking = |is_aliased: bool| Ranking {
+            none: HeldOut { square: Vec::new() },
+            none_strain: 0.0,
+            scored: Vec::new(),
+            rows: 1,
+            roughness: 0.0,
+            file_falls: false,
+            file_cycles: Vec::new(),
+            joints: 1,
+            sees_torsion: true,
+            is_aliased,
+        };
+        let all = plain(&scale(), ARM);
+        let of = |name: &str, is_aliased: bool, amplitude: f64| {
+            let hypothesis = all.iter().find(|one| one.effect == name);
+            let hypothesis = hypothesis.expect("it is on the list");
+            cost(&ranking(is_aliased), hypothesis, &[amplitude])
+        };
+        let stribeck = |amplitude: f64| of("stribeck_friction", false, amplitude);
+        assert_eq!(stribeck(-1.0) - stribeck(1.0), FALLS);
+        for name in ["torsional_hysteresis", "torsional_compliance"] {
+            assert_eq!(of(name, true, 1.0) - of(name, false, 1.0), ALIASED_TWIST);
+        }
+        let name = "link_inertia";
+        assert_eq!(of(name, true, 1.0), of(name, false, 1.0));
+        let cycles = |cycles: f64| cost(&ranking(false), &periodic(cycles)[2], &[1.0, 0.0]);
+        assert_eq!(cycles(2.3) - cycles(2.0), NO_WHOLE_NUMBER);
     }
 
     #[test]

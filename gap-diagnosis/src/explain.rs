@@ -379,11 +379,18 @@ impl Growing<'_, '_> {
         let named: Vec<&'static str> = self.added.iter().filter_map(|step| step.added).collect();
         let is_strained = self.is_strained();
         let worth = |refined: &Refined, variance: f64| {
-            let effects = || refined.model.terms.iter().map(|term| &term.hypothesis);
+            let terms = &refined.model.terms;
+            if terms
+                .iter()
+                .any(|of| of.hypothesis.is_at_its_end(&search.scale))
+            {
+                return f64::NEG_INFINITY;
+            }
+            let effects = terms.iter().map(|term| &term.hypothesis);
             // a law of the file that is named has paid for its place already
-            let paid = effects().filter(|effect| named.contains(&effect.effect));
+            let paid = effects.filter(|effect| named.contains(&effect.effect));
             let paid: f64 = paid.map(|effect| cost_in_file(ranking, effect)).sum();
-            together(ranking, [without, left(refined)], variance, effects()) + paid
+            together(ranking, [without, left(refined)], variance, terms) + paid
         };
         // what more names than before must be worth, as one that is added must
         let further = |refined: &Refined| {

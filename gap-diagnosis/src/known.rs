@@ -19,9 +19,9 @@ const LINK_STEP: f64 = 0.1;
 const LAG_S: f64 = 2e-4;
 /// How far the corners of a published table may be rounded off.
 const ROUNDING_NM: f64 = 1.0;
-/// In creeping motion friction is less than its law says: by about this part, below about this speed.
-const CREEP_PART: f64 = 0.15;
-const CREEP_RAD_S: f64 = 0.015;
+/// In creeping motion friction is less than its law says: by about this part, below about this speed. First of joints whose bristles
+/// have not all bent; then of those that drag as they begin to move, as an oil's film does and the smoothed sign of a simulator.
+const CREEPS: [(f64, f64); 2] = [(0.15, 0.015), (0.3, 0.003)];
 /// Friction that bristles carry follows a wavy level otherwise than a law does: part of the level's amplitude, 0.10 to 0.13 on
 /// development robots, and how many harmonics are looked at.
 const WAVINESS_PART: f64 = 0.06;
@@ -80,8 +80,8 @@ pub enum Known {
     Lag,
     /// Corners of the load torque.
     Rounding,
-    /// How much less friction there is in creeping motion, where bristles have not all bent: joint-side torque.
-    Creep,
+    /// How much less friction there is in creeping motion, the slower of two ways: joint-side torque.
+    Creep(usize),
     /// How much later the link's encoder is read than the motor's.
     Skew,
     /// Zero of the link's encoder less that of the motor's.
@@ -129,7 +129,7 @@ impl Known {
             | Self::Presliding
             | Self::Lag
             | Self::Rounding
-            | Self::Creep
+            | Self::Creep(_)
             | Self::Skew
             | Self::Zero => None,
         }
@@ -161,7 +161,7 @@ pub struct KnownValue {
 impl KnownValue {
     /// Whether it cannot be negative.
     pub fn is_positive(&self) -> bool {
-        matches!(self.known, Known::Lag | Known::Rounding | Known::Creep)
+        matches!(self.known, Known::Lag | Known::Rounding | Known::Creep(_))
     }
 
     /// Changes the model by so many standard deviations.
@@ -226,11 +226,11 @@ impl KnownValue {
                     law.knee_rounding_nm += change.max(0.0);
                 }
             }
-            Known::Creep => {
+            Known::Creep(way) => {
                 // a joint that has no room for the term has eight of them already
                 let _ = friction.stribeck.try_push(StribeckFriction {
                     stribeck_nm: -change.max(0.0),
-                    stribeck_velocity_rad_s: CREEP_RAD_S,
+                    stribeck_velocity_rad_s: CREEPS[way].1,
                 });
             }
             Known::Skew => model.link_skew_s += change,
@@ -334,9 +334,11 @@ pub fn of_joint(
         beside(Known::Waviness(term, 0), WAVINESS_PART);
         beside(Known::Waviness(term, 1), WAVINESS_PART);
     }
-    let friction_nm = friction.level_nm(&Sliding::at(CREEP_RAD_S));
-    if friction_nm > 0.0 {
-        beside(Known::Creep, CREEP_PART * friction_nm);
+    for (way, (part, speed_rad_s)) in CREEPS.into_iter().enumerate() {
+        let friction_nm = friction.level_nm(&Sliding::at(speed_rad_s));
+        if friction_nm > 0.0 {
+            beside(Known::Creep(way), part * friction_nm);
+        }
     }
     if friction.load_torque.is_some() {
         beside(Known::Rounding, ROUNDING_NM);
@@ -450,6 +452,30 @@ pub fn of_links(
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn friction_is_less_in_creeping_motion_only_and_never_pushes() {
+        let robot = robot::load("shd17").unwrap();
+        let nominal = JointModel::nominal(&robot, 0);
+        let all = of_joint(&nominal, &robot.tolerance, None);
+        let creeps = all
+            .iter()
+            .filter(|value| matches!(value.known, Known::Creep(_)));
+        assert_eq!(creeps.clone().count(), CREEPS.len());
+        for (value, (part, speed_rad_s)) in creeps.zip(CREEPS) {
+            let level_nm = |deviations: f64, speed_rad_s: f64| {
+                let mut model = nominal.clone();
+                value.apply(&mut model, deviations);
+                model.friction.level_nm(&Sliding::at(speed_rad_s))
+            };
+            let less = |speeds: f64| {
+                1.0 - level_nm(1.0, speeds * speed_rad_s) / level_nm(0.0, speeds * speed_rad_s)
+            };
+            assert!(less(0.0) > 0.8 * part && less(10.0) < 1e-3 * part);
+            assert_eq!(level_nm(-1.0, 0.0), level_nm(0.0, 0.0));
+            assert_eq!(level_nm(20.0, 0.0), nominal.friction.least_nm);
+        }
+    }
 
     #[test]
     fn a_link_spares_what_leaves_a_body() {

@@ -14,7 +14,7 @@ use crate::known::{Known, KnownValue};
 use crate::observe::Channel;
 use crate::refine::Refined;
 use crate::respond::Linear;
-use crate::search::{Model, Search, Term, strain};
+use crate::search::{Model, SLOWEST_LOOP_HZ, Search, Term, strain};
 use crate::shapes::{Family, evidence_nats, families, foreign_vibration, on_sides};
 use crate::spectrum::{Beside, matrix};
 
@@ -72,6 +72,8 @@ pub struct Ranking {
     pub joints: usize,
     /// Whether a second encoder or a torque sensor shows how the gear twists.
     pub sees_torsion: bool,
+    /// Whether rows come more slowly than any loop.
+    pub is_aliased: bool,
 }
 
 impl Ranking {
@@ -186,8 +188,7 @@ impl Round {
         let mut fits: Vec<(f64, [Term; 2])> = fits
             .into_iter()
             .map(|(left, pair)| {
-                let effects = pair.iter().map(|term| &term.hypothesis);
-                let nats = together(&self.ranking, [without, left], variance, effects);
+                let nats = together(&self.ranking, [without, left], variance, &pair);
                 (nats, pair)
             })
             .filter(|(nats, _)| nats.is_finite())
@@ -365,6 +366,7 @@ impl Search<'_> {
                 .iter()
                 .map(|law| law.cycles_per_motor_rev)
                 .collect(),
+            is_aliased: self.twin.recorded_hz() < SLOWEST_LOOP_HZ,
             sees_torsion: [Channel::Torsion, Channel::Link]
                 .iter()
                 .any(|channel| self.twin.channels.contains(channel)),

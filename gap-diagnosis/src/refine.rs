@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::fit::{Blocks, Bound, block_of};
 use crate::rank::Round;
-use crate::search::{Model, PLAUSIBLE_STEPS, Search, Term, difference, strain};
+use crate::search::{Model, Search, Term, difference, strain};
 
 /// The smallest part of a step that is tried.
 const SHARE_MIN: f64 = 0.02;
@@ -214,7 +214,7 @@ impl Search<'_> {
                 for amplitude in &term.amplitudes {
                     bounds.push(Bound {
                         range: [hypothesis.lowest(&self.scale) - amplitude, f64::INFINITY],
-                        precision: PLAUSIBLE_STEPS.powi(-2),
+                        precision: hypothesis.plausible_steps().powi(-2),
                     });
                     prior_means.push(-amplitude);
                 }

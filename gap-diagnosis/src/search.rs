@@ -32,11 +32,9 @@ const TWIN_SLOW: f64 = 0.006;
 /// Over which the slow part changes.
 const TWIN_SLOW_S: f64 = 0.15;
 /// No robot's torque is controlled as slowly as this.
-const SLOWEST_LOOP_HZ: f64 = 200.0;
+pub(crate) const SLOWEST_LOOP_HZ: f64 = 200.0;
 /// Standard deviations that a known value may move: beyond that it is a finding.
 const TOLERANCE: f64 = 3.0;
-/// No effect is larger than some of these steps: keeps what the motion does not excite from taking any value.
-pub(crate) const PLAUSIBLE_STEPS: f64 = 200.0;
 
 /// An effect with its fitted amplitudes.
 #[derive(Clone, Debug, PartialEq)]
@@ -298,7 +296,7 @@ impl<'a> Search<'a> {
     pub(crate) fn hypothesis_bound(&self, hypothesis: &Hypothesis) -> Bound {
         Bound {
             range: [hypothesis.lowest(&self.scale), f64::INFINITY],
-            precision: PLAUSIBLE_STEPS.powi(-2),
+            precision: hypothesis.plausible_steps().powi(-2),
         }
     }
 
@@ -394,7 +392,7 @@ fn doubts_nm(twin: &JointTwin<'_>) -> Result<Vec<f64>, FilterError> {
     for (place, known) in twin.known.iter().enumerate() {
         let steps = match known.known {
             Known::Presliding => [-1.0, 1.0],
-            Known::Creep | Known::Rounding => [1.0, 2.0],
+            Known::Creep(_) | Known::Rounding => [1.0, 2.0],
             known if known.is_of_links() && has_table => [-1.0, 1.0],
             _ => continue,
         };

@@ -8,8 +8,9 @@ use robot::Effect;
 
 use crate::evidence::{Remains, naming, remains, tempered_nats};
 use crate::found::Found;
+use crate::hypothesis::Hypothesis;
 use crate::refine::Refined;
-use crate::search::{Model, PLAUSIBLE_STEPS, Search, Term};
+use crate::search::{Model, Search, Term};
 use crate::step::Step;
 
 /// Effects that joints may share.
@@ -68,8 +69,7 @@ impl Shared {
                     Ok(Some((step.worth(search, &told.refined), told)))
                 })
                 .collect::<Result<Vec<_>, FilterError>>()?;
-            let count = self.term.amplitudes.len();
-            let mut matrix = plausible(count);
+            let mut matrix = plausible(&self.term.hypothesis);
             let mut vector = -&matrix * DVector::from_column_slice(&self.term.amplitudes);
             for (joint, told) in told.into_iter().enumerate() {
                 if let Some((worth, told)) = told {
@@ -104,8 +104,9 @@ impl Shared {
 
 /// What is known of amplitudes before anything is seen, as a matrix of information: the tilt about an axis along which every
 /// joint turns shows nowhere.
-fn plausible(count: usize) -> DMatrix<f64> {
-    DMatrix::identity(count, count) * PLAUSIBLE_STEPS.powi(-2)
+fn plausible(hypothesis: &Hypothesis) -> DMatrix<f64> {
+    let count = hypothesis.amplitudes();
+    DMatrix::identity(count, count) * hypothesis.plausible_steps().powi(-2)
 }
 
 fn inverse(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
@@ -236,8 +237,8 @@ fn fit(effect: &str, joints: &[Option<Seen<'_, '_>>]) -> Option<(f64, Shared)> {
         });
     }
     let (matrix, vector) = sum?;
-    let matrix = matrix + plausible(vector.len());
     let hypothesis = hypothesis?;
+    let matrix = matrix + plausible(&hypothesis);
     let inverse = inverse(&matrix)?;
     let mut amplitudes = &inverse * &vector;
     if hypothesis.is_positive() {

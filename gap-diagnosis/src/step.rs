@@ -168,6 +168,7 @@ impl Step {
             }
         }
         let base = best_base(search, &round, base, &refitted)?;
+        let is_at_its_end = |term: &Term| term.hypothesis.is_at_its_end(&search.scale);
         let simulated: Vec<Simulated> = refitted
             .iter()
             .map(|(index, left, refined)| {
@@ -180,6 +181,7 @@ impl Step {
                         .most_in_a_second(&base.residual_nm, &refined.residual_nm),
                     // what shows at reversals, where no twin is to be trusted, is doubted in full
                     certainty: search.certainty((!is_twist).then_some(&base), refined),
+                    is_law: !refined.model.terms.last().is_some_and(is_at_its_end),
                 }
             })
             .collect();

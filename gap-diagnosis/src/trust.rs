@@ -30,7 +30,7 @@ const ALONE: Trust = Trust {
 const IN_ARM: Trust = Trust {
     by_file: 0.3,
     by_known: 0.1,
-    least: 0.4,
+    least: 0.3,
     naming_nats: 3.0,
     shape_nats: 30.0,
     aliased_nats: 90.0,

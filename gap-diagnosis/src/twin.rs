@@ -17,7 +17,8 @@ use crate::observe::{Band, Channel, Room, channels};
 use crate::remembered::Remembered;
 use crate::repeats::Place;
 use crate::rounding::Rounding;
-use crate::simulate::{Feedback, Noise, Substeps, Trace, simulate};
+use crate::search::SLOWEST_LOOP_HZ;
+use crate::simulate::{Between, Feedback, Noise, Substeps, Trace, simulate};
 use crate::smooth::derivative;
 use crate::stretch::{JointStretch, Stretch};
 use crate::vibration;
@@ -29,6 +30,9 @@ const START_S: f64 = 0.5;
 const END_S: f64 = 0.1;
 /// Half the time over which the low-pass spreads what happens in an instant.
 const AROUND_S: f64 = 0.06;
+
+/// Of a bend from sample to sample, what a torque may have been off in between: a corner halfway between two is off by half.
+const BEND: f64 = 0.25;
 
 /// Runs that are remembered. With so many, between a twelfth and a quarter of a search's runs are found again, and hardly more with
 /// any number.
@@ -61,6 +65,9 @@ pub struct Row {
     pub unseen_nm: f64,
     /// Torque that swings the rotor above the band, beyond what is usual of the recording.
     pub vibrating_nm: f64,
+    /// Largest torque that the drive may have made between two samples beside what a line from one to the other tells, where they come
+    /// more slowly than any loop.
+    pub aliased_nm: f64,
     /// What rounding of the encoders adds where it beats with the samples: no noise that differs from sample to sample.
     pub beating_nm: f64,
 }
@@ -511,6 +518,30 @@ fn largest_around(values: &[f64], k: usize, around: usize) -> f64 {
         .fold(0.0, f64::max)
 }
 
+/// How far the drive's torque may be off the lines between its samples, sample by sample: nothing where each lasts until the next, or
+/// where they come so fast that what bends a line is noise, of which not every robot file speaks.
+fn aliased_nm(joint: &JointStretch, nominal: &JointModel) -> Vec<f64> {
+    let is_slow = 1.0 / joint.drive.period_s < SLOWEST_LOOP_HZ;
+    if joint.drive.between == Between::Line && is_slow {
+        let noise_nm = nominal.gear_ratio * nominal.torque_noise_nm;
+        off_lines_nm(&joint.torque_nm, noise_nm)
+    } else {
+        vec![0.0; joint.samples()]
+    }
+}
+
+/// The same of torques with so much noise, which bends a line by six times its variance.
+fn off_lines_nm(torque_nm: &[f64], noise_nm: f64) -> Vec<f64> {
+    let last = torque_nm.len().saturating_sub(1);
+    (0..torque_nm.len())
+        .map(|k| {
+            let [before, after] = [k.saturating_sub(1), (k + 1).min(last)].map(|k| torque_nm[k]);
+            let bend_nm = before - 2.0 * torque_nm[k] + after;
+            BEND * (bend_nm.powi(2) - 6.0 * noise_nm.powi(2)).max(0.0).sqrt()
+        })
+        .collect()
+}
+
 fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointModel) -> Vec<Row> {
     let mut rows = Vec::new();
     for (stretch, piece) in pieces.iter().enumerate() {
@@ -527,6 +558,7 @@ fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointModel) -> Vec
                 inertia_kg_m2 * acceleration_rad_s2.abs() + coupling_nm.abs()
             })
             .collect();
+        let aliased_nm = aliased_nm(piece.joint, nominal);
         let beating = |channel: Channel, k: usize| {
             let velocity_rad_s = load.velocity_rad_s[k];
             let of = |step_rad: f64, noise_rad: f64| {
@@ -568,6 +600,7 @@ fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointModel) -> Vec
                     inertial_nm: largest_around(&moving_nm, k, around),
                     unseen_nm: largest_around(&piece.joint.unseen_nm, k, around),
                     vibrating_nm: nominal.rotor_inertia_kg_m2 * piece.vibration_rad_s2[k],
+                    aliased_nm: largest_around(&aliased_nm, k, around),
                     beating_nm: beating(channel, k),
                 }
             }));
@@ -592,6 +625,7 @@ impl Row {
             inertial_nm: 0.0,
             unseen_nm: 0.0,
             vibrating_nm: 0.0,
+            aliased_nm: 0.0,
             beating_nm: 0.0,
         }
     }
@@ -626,5 +660,27 @@ impl Noise for Sensors {
 
     fn uniform(&mut self) -> f64 {
         (self.random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_torque_between_two_samples_is_in_doubt_where_it_bends() {
+        let line: Vec<f64> = (0..9).map(|k| 0.5 * f64::from(k)).collect();
+        assert!(
+            off_lines_nm(&line, 0.0)[1..8]
+                .iter()
+                .all(|off| *off < 1e-12)
+        );
+        // a push of 2 Nm that one sample shows may have lasted for twice as long or not at all
+        let mut pushed = line.clone();
+        pushed[4] += 2.0;
+        let off_nm = off_lines_nm(&pushed, 0.0);
+        assert!((off_nm[4] - 1.0).abs() < 1e-12 && (off_nm[3] - 0.5).abs() < 1e-12);
+        // a bend within the noise is none
+        assert_eq!(off_lines_nm(&pushed, 2.0), [0.0; 9]);
     }
 }

@@ -95,6 +95,7 @@ fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor)
             let near = (-(nearest_s / REVERSAL_S).powi(2)).exp();
             let hard = INERTIAL * row.inertial_nm / deviation_nm;
             let unseen = UNSEEN * row.unseen_nm / deviation_nm;
+            let aliased = row.aliased_nm / deviation_nm;
             let swings = VIBRATING * row.vibrating_nm / deviation_nm;
             // a beat is as quick as noise
             let beating = row.beating_nm / quick_nm.max(1e-12);
@@ -102,6 +103,7 @@ fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor)
                 + hard * hard
                 + unseen * unseen
                 + swings * swings
+                + aliased * aliased
                 + beating * beating;
             *weight = 1.0 / (1.0 + less).sqrt();
         }

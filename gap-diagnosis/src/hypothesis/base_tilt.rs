@@ -6,6 +6,7 @@ use super::form::{Form, Series};
 use crate::scale::Scale;
 
 const STEP_RAD: f64 = 0.005;
+const PLAUSIBLE_RAD: f64 = 0.03;
 
 #[derive(Debug)]
 pub struct BaseTilt;
@@ -20,6 +21,11 @@ impl Form for BaseTilt {
             roll_rad: amplitude[0] * STEP_RAD,
             pitch_rad: amplitude[1] * STEP_RAD,
         }
+    }
+
+    /// A base is set up with a level.
+    fn plausible_steps(&self) -> f64 {
+        PLAUSIBLE_RAD / STEP_RAD
     }
 
     fn amplitudes(&self) -> usize {

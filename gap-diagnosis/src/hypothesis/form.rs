@@ -11,6 +11,8 @@ use robot::Effect;
 use super::Shown;
 use crate::scale::Scale;
 
+/// No effect is larger than some of these steps: keeps what the motion does not excite from taking any value.
+const PLAUSIBLE_STEPS: f64 = 200.0;
 /// Friction steps: a part of the joint's own.
 const FRICTION_STEP: f64 = 0.02;
 /// Softening steps: a part of the compliance.
@@ -78,6 +80,11 @@ pub trait Form: Any + Debug + Sync {
         [0.0, f64::INFINITY]
     }
 
+    /// Whether beyond the lower end of its range something else begins that is no law of the list: what is fitted best there is that.
+    fn ends_below(&self) -> bool {
+        false
+    }
+
     /// How many amplitudes there are: a sine's and a cosine's of what repeats.
     fn amplitudes(&self) -> usize {
         if self.repeats_with().is_some() { 2 } else { 1 }
@@ -100,6 +107,11 @@ pub trait Form: Any + Debug + Sync {
         } else {
             f64::NEG_INFINITY
         }
+    }
+
+    /// Standard deviation of what it may be, in its steps, before anything is seen.
+    fn plausible_steps(&self) -> f64 {
+        PLAUSIBLE_STEPS
     }
 
     /// Whether the effect is there or not, with its shape as its only parameter.

@@ -43,6 +43,9 @@ pub use self::list::{Shown, delay, lag, periodic, plain};
 use crate::scale::Scale;
 use crate::stage::Stage;
 
+/// So near to the lower end of its range a shape is taken to be there.
+const AT_ITS_END: f64 = 0.05;
+
 /// An effect to be fitted, at one shape.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hypothesis {
@@ -95,6 +98,11 @@ impl Hypothesis {
     /// The smallest amplitude that has a meaning.
     pub fn lowest(&self, scale: &Scale) -> f64 {
         self.form.lowest(scale)
+    }
+
+    /// Standard deviation of what its amplitudes may be before anything is seen.
+    pub fn plausible_steps(&self) -> f64 {
+        self.form.plausible_steps()
     }
 
     /// Whether the effect is there or not, with its shape as its only parameter.
@@ -164,6 +172,13 @@ impl Hypothesis {
         }
     }
 
+    /// Whether its shape is where it ends and something else begins that is no law of the list.
+    pub fn is_at_its_end(&self, scale: &Scale) -> bool {
+        let least = self.shape_range(scale)[0];
+        let is_least = |shape: &f64| *shape < least * (1.0 + AT_ITS_END);
+        self.form.ends_below() && self.shape.first().is_some_and(is_least)
+    }
+
     /// The effect at these amplitudes, as a robot file would write it.
     pub fn effect(&self, amplitude: &[f64], scale: &Scale) -> Effect {
         let shape = self.shape.first().copied().unwrap_or(0.0);
@@ -199,13 +214,13 @@ impl Hypothesis {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use nalgebra::Vector3;
 
     use super::*;
 
     /// One that shows everything.
-    pub(super) const ARM: Shown = Shown {
+    pub(crate) const ARM: Shown = Shown {
         joints: 7,
         has_link_encoder: true,
         has_command: true,
@@ -213,7 +228,7 @@ mod tests {
     };
 
     /// Of a joint that the effects' own tests look at too.
-    pub(super) fn scale() -> Scale {
+    pub(crate) fn scale() -> Scale {
         Scale {
             across_axis: [Vector3::x(), Vector3::z()],
             friction_nm: 5.0,
@@ -248,6 +263,22 @@ mod tests {
             "torque_constant_error"
         ));
         assert!(!is_series("coulomb_friction", "joint_spring"));
+    }
+
+    #[test]
+    fn a_stribeck_velocity_at_its_end_is_no_law_and_other_shapes_are_one_wherever_they_end() {
+        let is_at_its_end = |name: &str, times: f64| {
+            let mut all = plain(&scale(), ARM).into_iter();
+            let found = all.find(|of| of.effect == name && !of.shape.is_empty());
+            let of = found.expect("it is on the list");
+            let least = of.shape_range(&scale())[0];
+            of.shaped(&[times * least]).is_at_its_end(&scale())
+        };
+        for name in ["stribeck_friction", "thermal_friction_drift"] {
+            assert!(is_at_its_end(name, 1.0) && is_at_its_end(name, 1.04));
+            assert!(!is_at_its_end(name, 1.1));
+        }
+        assert!(!is_at_its_end("torsional_hysteresis", 1.0));
     }
 
     #[test]

@@ -33,6 +33,11 @@ impl Form for StribeckFriction {
         [slowest_rad_s(scale), 0.5 * scale.speed_rad_s]
     }
 
+    /// In how a joint begins to slip.
+    fn ends_below(&self) -> bool {
+        true
+    }
+
     fn lowest(&self, scale: &Scale) -> f64 {
         -scale.least_friction_nm / friction_step_nm(scale)
     }

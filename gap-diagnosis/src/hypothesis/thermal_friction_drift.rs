@@ -55,6 +55,11 @@ impl Form for FirstOrderDrift {
         [1.0, 300.0]
     }
 
+    /// In what a joint does as it sets out.
+    fn ends_below(&self) -> bool {
+        true
+    }
+
     fn is_slow(&self) -> bool {
         true
     }
