@@ -23,9 +23,9 @@ const AMONG_MANY: f64 = 14.0;
 const NO_WHOLE_NUMBER: f64 = 7.0;
 /// What an effect costs beside that which shows at reversals, where friction before it slips is nobody's law.
 const AT_REVERSALS: f64 = 14.0;
-/// Of it, what friction that falls with speed does not owe: that is how most joints slide, while one that rubs less as it begins to
-/// move may be one that has not slipped yet.
-const FALLS: f64 = 7.0;
+/// What friction costs beside that rises with speed from rest: a joint that rubs less as it begins to move may be one that has not
+/// slipped yet.
+const RISES: f64 = 7.0;
 const AT_REVERSALS_ALWAYS: [&str; 3] = [
     "stribeck_friction",
     "structural_damping",
@@ -160,11 +160,12 @@ fn cost(ranking: &Ranking, hypothesis: &Hypothesis, amplitudes: &[f64]) -> f64 {
     let is_twist = AT_REVERSALS_UNSEEN.contains(&hypothesis.effect);
     let at_reversals =
         AT_REVERSALS_ALWAYS.contains(&hypothesis.effect) || is_twist && !ranking.sees_torsion;
-    let falls = hypothesis.effect == "stribeck_friction" && amplitudes.iter().all(|a| *a > 0.0);
+    let rises =
+        hypothesis.effect == "stribeck_friction" && amplitudes.first().is_some_and(|a| *a < 0.0);
     let beside = if hypothesis.effect == "structural_damping" {
         AT_REVERSALS + DAMPING
-    } else if falls {
-        AT_REVERSALS - FALLS
+    } else if rises {
+        AT_REVERSALS + RISES
     } else if at_reversals {
         AT_REVERSALS
     } else if hypothesis.is_periodic() && hypothesis.shape_is_free() {
@@ -543,7 +544,7 @@ mod tests {
             cost(&ranking(is_aliased), hypothesis, &[amplitude])
         };
         let stribeck = |amplitude: f64| of("stribeck_friction", false, amplitude);
-        assert_eq!(stribeck(-1.0) - stribeck(1.0), FALLS);
+        assert_eq!(stribeck(-1.0) - stribeck(1.0), RISES);
         for name in ["torsional_hysteresis", "torsional_compliance"] {
             assert_eq!(of(name, true, 1.0) - of(name, false, 1.0), ALIASED_TWIST);
         }
