@@ -94,7 +94,7 @@ pub fn matrix(columns: &[Vec<f64>], rows: usize) -> DMatrix<f64> {
     DMatrix::from_fn(rows, columns.len(), |row, k| columns[k][row])
 }
 
-/// Cycles per motor turn at which a gain peaks above [`GAIN_MIN`], the highest first, as far as the rows' range of angles tells
+/// Cycles per motor turn at which a gain peaks above `GAIN_MIN`, the highest first, as far as the rows' range of angles tells
 /// them apart and below `most`.
 pub fn peaks(rows: &[&Row], most: f64, gain: impl Fn(f64) -> f64 + Sync, count: usize) -> Vec<f64> {
     let angles = || rows.iter().map(|row| row.motor_angle_rad);
