@@ -10,6 +10,24 @@ use crate::scale::Scale;
 
 const NAME: &str = "encoder_eccentricity";
 
+/// Of an encoder whose shaft makes so many turns per joint turn.
+fn eccentricity(
+    amplitude: &[f64],
+    cycles: f64,
+    scale: &Scale,
+    turns: f64,
+    side: EncoderSide,
+) -> Effect {
+    let Wave { size, phase_rad } = Wave::of(amplitude);
+    let step_rad = TWIST_STEP * scale.twist_rad();
+    Effect::EncoderEccentricity {
+        amplitude_rad: size * step_rad * turns,
+        cycles_per_rev: cycles,
+        phase_rad,
+        side,
+    }
+}
+
 /// Before the gear.
 #[derive(Debug)]
 pub struct MotorEccentricity;
@@ -20,14 +38,8 @@ impl Form for MotorEccentricity {
     }
 
     fn effect(&self, amplitude: &[f64], cycles: f64, scale: &Scale) -> Effect {
-        let Wave { size, phase_rad } = Wave::of(amplitude);
-        let step_rad = TWIST_STEP * scale.twist_rad();
-        Effect::EncoderEccentricity {
-            amplitude_rad: size * step_rad * scale.gear_ratio,
-            cycles_per_rev: cycles,
-            phase_rad,
-            side: EncoderSide::Motor,
-        }
+        let turns = scale.gear_ratio;
+        eccentricity(amplitude, cycles, scale, turns, EncoderSide::Motor)
     }
 
     fn repeats_with(&self) -> Option<Turn> {
@@ -45,14 +57,7 @@ impl Form for LinkEccentricity {
     }
 
     fn effect(&self, amplitude: &[f64], cycles: f64, scale: &Scale) -> Effect {
-        let Wave { size, phase_rad } = Wave::of(amplitude);
-        let step_rad = TWIST_STEP * scale.twist_rad();
-        Effect::EncoderEccentricity {
-            amplitude_rad: size * step_rad,
-            cycles_per_rev: cycles,
-            phase_rad,
-            side: EncoderSide::Link,
-        }
+        eccentricity(amplitude, cycles, scale, 1.0, EncoderSide::Link)
     }
 
     fn may_show(&self, shown: Shown, _: &Scale) -> bool {
