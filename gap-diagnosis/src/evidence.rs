@@ -26,25 +26,12 @@ const AT_REVERSALS: f64 = 14.0;
 /// What friction costs beside that rises with speed from rest: a joint that rubs less as it begins to move may be one that has not
 /// slipped yet.
 const RISES: f64 = 7.0;
-const AT_REVERSALS_ALWAYS: [&str; 3] = [
-    "stribeck_friction",
-    "structural_damping",
-    "torsional_hysteresis",
-];
-/// Those of them that a gear loses as it twists, whatever encoders there are.
-const LOSSES_OF_TWIST: [&str; 2] = ["structural_damping", "torsional_hysteresis"];
-/// What damping of the gear costs beside: below the band's limit it makes next to no torque.
-const DAMPING: f64 = 6.0;
 /// What twist costs beside where rows come more slowly than any loop: what a gear's swing does between two of them is not recorded.
 const ALIASED_TWIST: f64 = 30.0;
-/// What a slow current loop costs beside: every drive's is, a little.
-const EVERY_LOOP: f64 = 14.0;
 /// What an effect costs beside whose law the robot file has already, refitted: the twin's version of it is not the robot's.
 const IN_FILE: f64 = 35.0;
 /// What twist of the gear costs beside in an arm: the other links' torque swings with the twist of their gears.
 const OTHERS_TWIST: f64 = 12.0;
-/// Those that show elsewhere only to a second encoder or a torque sensor.
-const AT_REVERSALS_UNSEEN: [&str; 3] = ["torsional_compliance", "soft_windup", "backlash"];
 /// Part of what the named effects are worth that may be left in such torques: no law is exact.
 const INEXACT: f64 = 0.05;
 /// Left beyond this part, the named effects only imitate something else.
@@ -142,31 +129,20 @@ fn worth(ranking: &Ranking, scored: &Scored, errors: f64, spared: f64) -> f64 {
 /// What an effect must be worth by the scatter of its size: what naming it costs, and of twist of the gear what it costs beside as
 /// well. That shows at reversals, where rows count so little that next to nothing is left of them, however wrong the twin is there.
 fn cost_in_doubt(ranking: &Ranking, hypothesis: &Hypothesis) -> f64 {
-    if is_of_twist(hypothesis.effect, ranking.sees_torsion) {
+    if hypothesis.is_hidden_twist(ranking.sees_torsion) {
         return cost(ranking, hypothesis, &[]);
     }
     let values = hypothesis.amplitudes() + hypothesis.shape.len();
     naming(values) + Trust::of(ranking.joints).naming_nats
 }
 
-/// Whether an effect is twist that no encoder shows, or what a gear loses as it twists.
-pub(crate) fn is_of_twist(effect: &str, sees_torsion: bool) -> bool {
-    let is_hidden = AT_REVERSALS_UNSEEN.contains(&effect) && !sees_torsion;
-    is_hidden || LOSSES_OF_TWIST.contains(&effect)
-}
-
 /// What naming this effect costs at this size, in nats.
 fn cost(ranking: &Ranking, hypothesis: &Hypothesis, amplitudes: &[f64]) -> f64 {
-    let is_twist = AT_REVERSALS_UNSEEN.contains(&hypothesis.effect);
-    let at_reversals =
-        AT_REVERSALS_ALWAYS.contains(&hypothesis.effect) || is_twist && !ranking.sees_torsion;
     let rises =
         hypothesis.effect == "stribeck_friction" && amplitudes.first().is_some_and(|a| *a < 0.0);
-    let beside = if hypothesis.effect == "structural_damping" {
-        AT_REVERSALS + DAMPING
-    } else if rises {
+    let beside = if rises {
         AT_REVERSALS + RISES
-    } else if at_reversals {
+    } else if hypothesis.shows_at_reversals(ranking.sees_torsion) {
         AT_REVERSALS
     } else if hypothesis.is_periodic() && hypothesis.shape_is_free() {
         AMONG_MANY + NO_WHOLE_NUMBER
@@ -175,14 +151,11 @@ fn cost(ranking: &Ranking, hypothesis: &Hypothesis, amplitudes: &[f64]) -> f64 {
     } else {
         0.0
     };
-    let mut beside = beside + Trust::of(ranking.joints).naming_nats;
-    if ranking.is_aliased && (is_twist || LOSSES_OF_TWIST.contains(&hypothesis.effect)) {
+    let mut beside = beside + hypothesis.in_any_twin_nats() + Trust::of(ranking.joints).naming_nats;
+    if ranking.is_aliased && hypothesis.is_twist() {
         beside += ALIASED_TWIST;
     }
-    if hypothesis.effect == "current_loop_lag" {
-        beside += EVERY_LOOP;
-    }
-    if is_twist && ranking.joints > 1 {
+    if hypothesis.is_give() && ranking.joints > 1 {
         beside += OTHERS_TWIST;
     }
     if hypothesis.effect == "base_tilt" && ranking.joints == 1 {
@@ -268,7 +241,7 @@ fn most_worth(square: f64, cost: f64) -> f64 {
 
 /// The most that an effect is worth that is worth so much without the second in which it takes most off. A law holds all the
 /// time; what happens once, when a joint breaks away or gets stuck, is an event to which a law with enough freedom can be bent.
-fn most_by_rest(worth_of_rest: f64) -> f64 {
+pub(crate) fn most_by_rest(worth_of_rest: f64) -> f64 {
     if worth_of_rest > 0.0 {
         BEYOND_ONE_SECOND * worth_of_rest
     } else {
@@ -383,7 +356,8 @@ impl Standings {
     /// how far a twin's errors look like the effect. What leaves decisively more than such an effect stays behind it. One that
     /// takes off nearly everything is not in doubt, however unsure its size is beside known values that can do a part of it.
     ///
-    /// What is no law any more where it fits best is worth nothing.
+    /// What is no law any more where it fits best is worth nothing. What happens once is no law either, but for what may: a limit
+    /// that is met in one moment and takes off nearly everything.
     pub fn refit(&mut self, ranking: &Ranking, without: Left, simulated: &[Simulated]) {
         let squares = simulated.iter().map(|simulated| simulated.left.square);
         let least = squares.fold(without.square, f64::min);
@@ -396,13 +370,16 @@ impl Standings {
             }
             let errors = (without.square - simulated.left.square) / variance;
             let spared = without.strain - simulated.left.strain;
+            let is_all = simulated.left.square <= ALMOST_ALL * without.square;
             let in_rest = errors - simulated.most_in_a_second / variance;
-            let of_rest = most_by_rest(worth(ranking, scored, in_rest, spared));
+            let of_rest = if is_all && scored.hypothesis.may_be_once() {
+                f64::INFINITY
+            } else {
+                most_by_rest(worth(ranking, scored, in_rest, spared))
+            };
             let worth = worth(ranking, scored, errors, spared);
             let cost = cost_in_doubt(ranking, &scored.hypothesis);
-            let certainty = simulated
-                .certainty
-                .filter(|_| simulated.left.square > ALMOST_ALL * without.square);
+            let certainty = simulated.certainty.filter(|_| !is_all);
             let most = certainty.map_or(f64::INFINITY, |square| most_worth(square, cost));
             [worth, worth.min(most).min(of_rest)]
         };
@@ -599,11 +576,18 @@ mod tests {
 
     #[test]
     fn twist_of_a_doubtful_size_is_worth_nothing() {
+        let all = plain(&scale(), ARM);
+        let is_hidden = |name: &str, sees_torsion: bool| {
+            let hypothesis = all.iter().find(|one| one.effect == name);
+            hypothesis
+                .expect("it is on the list")
+                .is_hidden_twist(sees_torsion)
+        };
         for sees_torsion in [true, false] {
-            assert!(is_of_twist("structural_damping", sees_torsion));
-            assert!(!is_of_twist("stribeck_friction", sees_torsion));
+            assert!(is_hidden("structural_damping", sees_torsion));
+            assert!(!is_hidden("stribeck_friction", sees_torsion));
         }
-        assert!(is_of_twist("backlash", false) && !is_of_twist("backlash", true));
+        assert!(is_hidden("backlash", false) && !is_hidden("backlash", true));
         // 4.7 standard errors, with what naming costs and with what reversals cost beside
         let square = 4.7 * 4.7;
         assert!(most_worth(square, naming(2)) > 10.0);

@@ -1,5 +1,7 @@
 //! A joint's explanation: effects are added one at a time while they are worth it, and taken back if they no longer are.
 
+use std::collections::BTreeMap;
+
 use joint_model::filter::FilterError;
 use rayon::prelude::*;
 
@@ -12,7 +14,7 @@ use crate::rank::Round;
 use crate::refine::Refined;
 use crate::search::{Model, Search, Term, strain};
 use crate::shapes::PUSHES_OVER;
-use crate::step::{Refitted, Step, TWIST, is_beyond};
+use crate::step::{Refitted, Step, is_beyond};
 use crate::trust::Trust;
 
 /// The most effects of one joint.
@@ -344,27 +346,31 @@ impl Growing<'_, '_> {
     /// no response to it.
     fn twisted(&self, first: &Step) -> Result<Vec<Model>, FilterError> {
         let added = &self.refined.model.terms;
-        let is_twist = |term: &Term| TWIST.contains(&term.hypothesis.effect);
-        let has_room = (1..EFFECTS_MAX).contains(&added.len()) && !added.iter().any(is_twist);
+        let gives = added.iter().any(|term| term.hypothesis.is_give());
+        let has_room = (1..EFFECTS_MAX).contains(&added.len()) && !gives;
         let beside = has_room.then_some(&self.refined);
-        let mut models = Vec::new();
-        for effect in TWIST {
-            let mut terms: Vec<Term> = Vec::new();
-            for scored in &first.round.ranking.scored {
-                let hypothesis = &scored.hypothesis;
-                let is_there = |of: &Term| of.hypothesis.shape == hypothesis.shape;
-                if hypothesis.effect == effect && !terms.iter().any(is_there) {
-                    terms.push(Term {
-                        hypothesis: hypothesis.clone(),
-                        amplitudes: vec![0.0; hypothesis.amplitudes()],
-                    });
-                }
+        let mut ways: BTreeMap<&str, Vec<Term>> = BTreeMap::new();
+        let scored = first.round.ranking.scored.iter();
+        for hypothesis in scored
+            .map(|scored| &scored.hypothesis)
+            .filter(|of| of.is_give())
+        {
+            let terms = ways.entry(hypothesis.effect).or_default();
+            if !terms
+                .iter()
+                .any(|of| of.hypothesis.shape == hypothesis.shape)
+            {
+                terms.push(Term {
+                    hypothesis: hypothesis.clone(),
+                    amplitudes: vec![0.0; hypothesis.amplitudes()],
+                });
             }
-            if !terms.is_empty() {
-                for refined in [Some(&first.base), beside].into_iter().flatten() {
-                    let starts = self.search.starts(refined, &terms)?;
-                    models.extend(starts.into_iter().take(STARTS));
-                }
+        }
+        let mut models = Vec::new();
+        for terms in ways.values() {
+            for refined in [Some(&first.base), beside].into_iter().flatten() {
+                let starts = self.search.starts(refined, terms)?;
+                models.extend(starts.into_iter().take(STARTS));
             }
         }
         Ok(models)
@@ -479,7 +485,7 @@ impl Growing<'_, '_> {
     fn is_shown(&self, step: &Step, best: &Refitted) -> bool {
         let ranking = &step.round.ranking;
         let added = best.refined.model.terms.last();
-        let is_twist = added.is_some_and(|term| TWIST.contains(&term.hypothesis.effect));
+        let is_twist = added.is_some_and(|term| term.hypothesis.is_give());
         if self.added.is_empty() || ranking.sees_torsion || !is_twist {
             return true;
         }

@@ -7,7 +7,7 @@ use joint_model::filter::FilterError;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::evidence::{Left, together, variance_of};
+use crate::evidence::{Left, most_by_rest, together, variance_of};
 use crate::fit::{Blocks, HeldOut};
 use crate::hypothesis::Hypothesis;
 use crate::known::{Known, KnownValue};
@@ -15,7 +15,7 @@ use crate::observe::Channel;
 use crate::refine::Refined;
 use crate::respond::Linear;
 use crate::search::{Model, SLOWEST_LOOP_HZ, Search, Term, strain};
-use crate::shapes::{Family, evidence_nats, families, foreign_vibration, on_sides};
+use crate::shapes::{Family, PUSHES_OVER, evidence_nats, families, foreign_vibration, on_sides};
 use crate::spectrum::{Beside, matrix};
 
 /// Hypotheses whose responses are found anew beside a model with effects.
@@ -375,7 +375,8 @@ impl Search<'_> {
     }
 
     /// What a torque of no named law would be worth beside a model, of each family: over what, and nats beyond those of a
-    /// good twin. Known values are refitted with it, as they respond in a round.
+    /// good twin. Known values are refitted with it, as they respond in a round. What is worth it in one second only is an event, but
+    /// for pushes no law.
     pub fn structure(&self, round: &Round, refined: &Refined) -> Vec<(&'static str, f64)> {
         let shape_nats = self.shape_nats();
         let rows = &self.twin.rows;
@@ -388,17 +389,29 @@ impl Search<'_> {
         let mut prior_means: Vec<f64> = refined.model.known.iter().map(|z| -z).collect();
         prior_means.resize(known.len(), 0.0);
         let beside = Beside::about(&known, &target, &prior_means);
+        let worth = |family: &Family| -> f64 {
+            let nats = on_sides(family, rows).into_iter().map(|side| {
+                let (information, vector) = beside.information(&matrix(&side.columns, rows.len()));
+                evidence_nats(information, &vector, side.tried)
+            });
+            nats.fold(0.0, f64::max) - shape_nats
+        };
+        let is_in_worst = self.in_worst_second(&target);
         families(self.twin, &refined.residual_nm)
             .into_par_iter()
             .map(|mut family| {
                 // each channel is whitened alone, so that it may be left out afterwards
                 family.columns = white(&family.columns);
-                let nats = on_sides(&family, rows).into_iter().map(|side| {
-                    let (information, vector) =
-                        beside.information(&matrix(&side.columns, rows.len()));
-                    evidence_nats(information, &vector, side.tried)
-                });
-                (family.over, nats.fold(0.0, f64::max) - shape_nats)
+                let nats = worth(&family);
+                if family.over == PUSHES_OVER || nats <= 0.0 {
+                    return (family.over, nats);
+                }
+                for column in &mut family.columns {
+                    let rows = column.iter_mut().zip(&is_in_worst);
+                    rows.filter(|(_, is_in)| **is_in)
+                        .for_each(|(value, _)| *value = 0.0);
+                }
+                (family.over, nats.min(most_by_rest(worth(&family))))
             })
             .collect()
     }

@@ -10,6 +10,8 @@ use crate::stretch::JointStretch;
 const NEARLY_ALL: f64 = 0.999;
 /// A drive whose torque reaches this part of the largest command does not saturate.
 const SATURATED: f64 = 0.97;
+/// Fewer samples do not tell at which torque it does.
+const HELD_MIN: usize = 20;
 
 /// Sizes of a joint, by which steps are chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,7 +30,8 @@ pub struct Scale {
     pub stiffness_is_known: bool,
     /// Largest torque but for a few samples, motor side.
     pub motor_torque_nm: f64,
-    /// Largest torque that the drive reports beside its command but for a few samples, motor side; none where it reports none.
+    /// Largest torque that the drive reports beside its command but for a few samples, or what it holds while more is commanded,
+    /// motor side; none where it reports none.
     pub reached_motor_nm: Option<f64>,
     /// Whether the drive may have given less than it was commanded: its reported torque stays below the command's
     /// peaks, or it reports none.
@@ -87,7 +90,13 @@ impl Scale {
             reached_motor_nm: stretches
                 .iter()
                 .all(|stretch| stretch.has_torque_beside_command)
-                .then(|| largest(|stretch| &stretch.torque_nm) / model.gear_ratio),
+                .then(|| {
+                    let largest_nm = largest(|stretch| &stretch.torque_nm);
+                    let samples = stretches
+                        .iter()
+                        .flat_map(|of| of.drive.command_nm.iter().zip(&of.torque_nm));
+                    held_nm(samples, largest_nm).unwrap_or(largest_nm) / model.gear_ratio
+                }),
             may_saturate: stretches
                 .iter()
                 .all(|stretch| !stretch.has_torque_beside_command)
@@ -112,6 +121,15 @@ impl Scale {
     }
 }
 
+/// The torque that the drive holds while more is commanded than the largest that it reports: their median, since noise makes the
+/// largest too large. Of commands and torques; none where too few samples tell.
+fn held_nm<'a>(samples: impl Iterator<Item = (&'a f64, &'a f64)>, largest_nm: f64) -> Option<f64> {
+    let beyond = samples.filter(|(command_nm, _)| SATURATED * command_nm.abs() > largest_nm);
+    let mut held_nm: Vec<f64> = beyond.map(|(_, torque_nm)| torque_nm.abs()).collect();
+    held_nm.sort_by(f64::total_cmp);
+    (held_nm.len() >= HELD_MIN).then(|| held_nm[held_nm.len() / 2])
+}
+
 /// Two directions at right angles to each other and to an axis.
 fn across(axis: Unit<Vector3<f64>>) -> [Vector3<f64>; 2] {
     let one = Vector3::ith(axis.iamin(), 1.0);
@@ -128,4 +146,23 @@ fn motor_turns(gear_ratio: f64, stretches: &[&JointStretch]) -> f64 {
     let high = positions().copied().fold(f64::NEG_INFINITY, f64::max);
     let low = positions().copied().fold(f64::INFINITY, f64::min);
     (gear_ratio * (high - low) / std::f64::consts::TAU).max(1e-3)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_is_what_is_held_not_the_largest() {
+        let noise_nm = |k: usize| [0.02, 0.0, -0.02][k % 3];
+        let torque_nm: Vec<f64> = (0..99).map(|k| -2.0 + noise_nm(k)).collect();
+        let largest_nm = 2.02;
+        let held = |command_nm: f64| {
+            let command_nm = [command_nm; 99];
+            held_nm(command_nm.iter().zip(&torque_nm), largest_nm)
+        };
+        assert!(held(-3.0).is_some_and(|held_nm| (held_nm - 2.0).abs() < 1e-9));
+        // what is commanded is given, but for noise
+        assert_eq!(held(-2.0), None);
+    }
 }

@@ -16,7 +16,7 @@ use crate::observe::Channel;
 use crate::scale::Scale;
 use crate::simulate::Between;
 use crate::trust::Trust;
-use crate::twin::{Changes, JointTwin};
+use crate::twin::{Changes, JointTwin, Row};
 use crate::whiten::{Floor, Whitener, series};
 
 /// Runs of the twin with noise, of which the mean is taken.
@@ -316,22 +316,44 @@ impl<'a> Search<'a> {
     /// The most that whitened squares fall within a second, from one residual to another.
     pub(crate) fn most_in_a_second(&self, before_nm: &[f64], after_nm: &[f64]) -> f64 {
         let [before, after] = [before_nm, after_nm].map(|of| self.whitener.apply(of));
-        let mut halves: BTreeMap<(usize, u64), f64> = BTreeMap::new();
-        for (row, (before, after)) in self.twin.rows.iter().zip(before.iter().zip(&after)) {
-            let half = (row.stretch, (2.0 * row.time_s) as u64);
-            *halves.entry(half).or_default() += before * before - after * after;
-        }
-        let with_next = halves.iter().map(|(&(stretch, half), square)| {
-            let next = halves.get(&(stretch, half + 1));
-            square + next.copied().unwrap_or(0.0)
-        });
-        with_next.fold(0.0, f64::max)
+        let taken_off = before.iter().zip(&after).map(|(b, a)| b * b - a * a);
+        worst_second(&self.twin.rows, taken_off).map_or(0.0, |(_, most)| most.max(0.0))
+    }
+
+    /// Of each row, whether it lies in the second in which most of a whitened residual's squares are.
+    pub(crate) fn in_worst_second(&self, white: &[f64]) -> Vec<bool> {
+        let rows = &self.twin.rows;
+        let worst = worst_second(rows, white.iter().map(|x| x * x));
+        rows.iter()
+            .map(|row| {
+                worst.is_some_and(|((stretch, half), _)| {
+                    row.stretch == stretch && (half..half + 2).contains(&half_second(row))
+                })
+            })
+            .collect()
     }
 
     /// Whitened squares of a residual.
     pub fn square(&self, residual_nm: &[f64]) -> f64 {
         self.whitener.apply(residual_nm).iter().map(|x| x * x).sum()
     }
+}
+
+/// The second in which squares, one a row, sum to most: its stretch and first half, and the sum.
+fn worst_second(rows: &[Row], squares: impl Iterator<Item = f64>) -> Option<((usize, u64), f64)> {
+    let mut halves: BTreeMap<(usize, u64), f64> = BTreeMap::new();
+    for (row, square) in rows.iter().zip(squares) {
+        *halves.entry((row.stretch, half_second(row))).or_default() += square;
+    }
+    let with_next = halves.iter().map(|(&(stretch, half), square)| {
+        let next = halves.get(&(stretch, half + 1));
+        ((stretch, half), square + next.copied().unwrap_or(0.0))
+    });
+    with_next.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+fn half_second(row: &Row) -> u64 {
+    (2.0 * row.time_s) as u64
 }
 
 /// Whether there were commands that the recording does not show.
@@ -429,4 +451,19 @@ fn doubts_nm(twin: &JointTwin<'_>) -> Result<Vec<f64>, FilterError> {
 
 pub(crate) fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_worst_second_begins_at_any_half() {
+        let rows: Vec<Row> = (0..80).map(|k| Row::at_rest(0.1 * f64::from(k))).collect();
+        let squares = |k: u32| if (25..35).contains(&k) { 1.0 } else { 0.01 };
+        let (worst, sum) = worst_second(&rows, (0..80).map(squares)).expect("there are rows");
+        assert_eq!(worst, (0, 5));
+        assert!((sum - 10.0).abs() < 0.2, "{sum}");
+        assert_eq!(worst_second(&[], std::iter::empty()), None);
+    }
 }

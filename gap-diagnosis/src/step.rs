@@ -4,8 +4,7 @@ use joint_model::filter::FilterError;
 use rayon::prelude::*;
 
 use crate::evidence::{
-    Left, Probability, SAME_TORQUE, Simulated, Standings, is_of_twist, standings, together,
-    variance_of,
+    Left, Probability, SAME_TORQUE, Simulated, Standings, standings, together, variance_of,
 };
 use crate::judge::Squares;
 use crate::observe::Channel;
@@ -13,17 +12,16 @@ use crate::rank::{ALIKE, Round};
 use crate::refine::Refined;
 use crate::search::{Model, Search, Term};
 
-/// Effects that are fitted by simulation, not only by their linear response, before one is chosen.
+/// Effects that are fitted by simulation, not only by their linear response, before one is chosen; and how many where they are worth
+/// being named.
 const REFITTED: usize = 4;
+const REFITTED_NAMED: usize = 7;
 /// Nats within which another effect is refitted too, and the part of the best one's if that is more: strong effects do
 /// not respond in proportion.
 const NEAR_NATS: f64 = 30.0;
 const NEAR_PART: f64 = 0.5;
 /// Above this probability of `none` nothing is named.
 const NONE_MOST: f64 = 0.3;
-/// Effects of the gear's twist: what it does at large torques says little of small ones, so that linear responses do not tell
-/// which of them it is.
-pub(crate) const TWIST: [&str; 3] = ["torsional_compliance", "soft_windup", "backlash"];
 
 /// One step of the search.
 #[derive(Clone, Debug)]
@@ -114,15 +112,18 @@ impl Step {
         let mut leading: Vec<usize> = standings
             .effects
             .iter()
-            .take(REFITTED)
-            .filter(|(_, nats)| {
+            .take(REFITTED_NAMED)
+            .enumerate()
+            .filter(|(place, (_, nats))| {
                 let near = NEAR_NATS.max(NEAR_PART * best_nats);
-                *nats > (best_nats - near).max(-NEAR_NATS / 3.0)
+                let is_near = *nats > (best_nats - near).max(-NEAR_NATS / 3.0);
+                is_near && (*place < REFITTED || *nats > 0.0)
             })
-            .map(|(index, _)| *index)
+            .map(|(_, (index, _))| *index)
             .filter(|index| of(*index).size_nm > 0.0)
             .collect();
-        let is_twist = |index: usize| TWIST.contains(&of(index).hypothesis.effect);
+        // what a gear gives at large torques says little of small ones, so that linear responses do not tell in which way it gives
+        let is_twist = |index: usize| of(index).hypothesis.is_give();
         if leading.iter().any(|index| is_twist(*index)) {
             let all = standings.effects.iter().map(|(index, _)| *index);
             let others: Vec<usize> = all
@@ -172,8 +173,8 @@ impl Step {
         let simulated: Vec<Simulated> = refitted
             .iter()
             .map(|(index, left, refined)| {
-                let is_twist =
-                    is_of_twist(of(*index).hypothesis.effect, round.ranking.sees_torsion);
+                let hypothesis = &of(*index).hypothesis;
+                let is_twist = hypothesis.is_hidden_twist(round.ranking.sees_torsion);
                 Simulated {
                     index: *index,
                     left: *left,

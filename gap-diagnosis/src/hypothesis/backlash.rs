@@ -2,7 +2,7 @@
 
 use robot::Effect;
 
-use super::form::{Form, Series, TWIST_STEP};
+use super::form::{Form, Series, TWIST_STEP, Twist};
 use crate::scale::Scale;
 
 #[derive(Debug)]
@@ -26,6 +26,10 @@ impl Form for Backlash {
 
     fn is_positive(&self) -> bool {
         true
+    }
+
+    fn twist(&self) -> Option<Twist> {
+        Some(Twist::Gives)
     }
 
     fn series(&self) -> &'static [Series] {

@@ -49,6 +49,15 @@ pub enum Series {
     Twist,
 }
 
+/// What the gear does as it twists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Twist {
+    /// It gives: a second encoder or a torque sensor shows how far, without which it shows at reversals only.
+    Gives,
+    /// It takes torque away, whatever encoders there are.
+    Loses,
+}
+
 /// One form of one effect: amplitudes that enter linearly, and at most one shape that does not.
 ///
 /// What is left to its default is so for most effects.
@@ -124,6 +133,11 @@ pub trait Form: Any + Debug + Sync {
         false
     }
 
+    /// Whether one moment may be all that there is of it: a limit shows where it is met.
+    fn may_be_once(&self) -> bool {
+        false
+    }
+
     /// Whose turn it repeats with, the shape being the number of cycles a turn.
     fn repeats_with(&self) -> Option<Turn> {
         None
@@ -132,6 +146,21 @@ pub trait Form: Any + Debug + Sync {
     /// Whether what repeats does so at several numbers of cycles.
     fn has_harmonics(&self) -> bool {
         false
+    }
+
+    /// What of the gear's twist it is, if any.
+    fn twist(&self) -> Option<Twist> {
+        None
+    }
+
+    /// Whether it shows at reversals, where friction before it slips is nobody's law, whatever encoders there are.
+    fn shows_at_reversals(&self) -> bool {
+        self.twist() == Some(Twist::Loses)
+    }
+
+    /// Nats by which a good twin may seem to have it.
+    fn in_any_twin_nats(&self) -> f64 {
+        0.0
     }
 
     /// What it is a term of a series in.

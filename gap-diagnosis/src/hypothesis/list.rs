@@ -1,6 +1,6 @@
 //! The list of all effects, and which of them may be fitted to a joint.
 
-use super::form::Form;
+use super::form::{Form, Twist};
 use super::{Hypothesis, command_delay, current_loop_lag};
 use crate::scale::Scale;
 
@@ -64,6 +64,13 @@ pub fn plain(scale: &Scale, shown: Shown) -> Vec<Hypothesis> {
         .filter(|form| form.may_show(shown, scale))
         .flat_map(|form| tried(*form, scale))
         .collect()
+}
+
+/// Whether an effect is how far the gear gives as it twists.
+pub(crate) fn is_give(effect: &str) -> bool {
+    PLAIN
+        .iter()
+        .any(|form| form.name() == effect && form.twist() == Some(Twist::Gives))
 }
 
 /// A form at each shape and each reach at which it is tried.

@@ -38,7 +38,8 @@ mod wave;
 use arrayvec::ArrayVec;
 use robot::Effect;
 
-use self::form::{Form, Turn};
+use self::form::{Form, Turn, Twist};
+pub(crate) use self::list::is_give;
 pub use self::list::{Shown, delay, lag, periodic, plain};
 use crate::scale::Scale;
 use crate::stage::Stage;
@@ -108,6 +109,36 @@ impl Hypothesis {
     /// Whether the effect is there or not, with its shape as its only parameter.
     pub fn is_switch(&self) -> bool {
         self.form.is_switch()
+    }
+
+    /// Whether it is how far the gear gives as it twists.
+    pub fn is_give(&self) -> bool {
+        self.form.twist() == Some(Twist::Gives)
+    }
+
+    /// Whether it is of the gear's twist.
+    pub fn is_twist(&self) -> bool {
+        self.form.twist().is_some()
+    }
+
+    /// Whether it shows at reversals only. `sees_torsion`: whether a second encoder or a torque sensor shows how the gear twists.
+    pub fn shows_at_reversals(&self, sees_torsion: bool) -> bool {
+        self.form.shows_at_reversals() || self.is_give() && !sees_torsion
+    }
+
+    /// Whether it is twist that nothing but reversals shows.
+    pub fn is_hidden_twist(&self, sees_torsion: bool) -> bool {
+        self.is_twist() && self.shows_at_reversals(sees_torsion)
+    }
+
+    /// Nats by which a good twin may seem to have it.
+    pub fn in_any_twin_nats(&self) -> f64 {
+        self.form.in_any_twin_nats()
+    }
+
+    /// Whether one moment may be all that there is of it.
+    pub fn may_be_once(&self) -> bool {
+        self.form.may_be_once()
     }
 
     /// Whether the shape is found by fitting. A whole number of cycles is what a shaft does, and stays.

@@ -105,6 +105,11 @@ impl Form for PayloadAt {
         DISTANCES_M
     }
 
+    /// It weighs on the same motion from any distance: of a moment that only its inertia shows the distance is as large as one likes.
+    fn shows_at_any_shape(&self) -> bool {
+        true
+    }
+
     fn amplitudes(&self) -> usize {
         2
     }

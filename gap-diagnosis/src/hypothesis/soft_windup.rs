@@ -3,7 +3,7 @@
 
 use robot::Effect;
 
-use super::form::{COMPLIANCE_STEP, Form, Series};
+use super::form::{COMPLIANCE_STEP, Form, Series, Twist};
 use crate::scale::Scale;
 
 #[derive(Debug)]
@@ -34,6 +34,10 @@ impl Form for SoftWindup {
 
     fn is_positive(&self) -> bool {
         true
+    }
+
+    fn twist(&self) -> Option<Twist> {
+        Some(Twist::Gives)
     }
 
     fn series(&self) -> &'static [Series] {

@@ -47,6 +47,10 @@ impl Form for StribeckFriction {
         true
     }
 
+    fn shows_at_reversals(&self) -> bool {
+        true
+    }
+
     fn series(&self) -> &'static [Series] {
         &[Series::Velocity]
     }

@@ -6,6 +6,9 @@ use super::Shown;
 use super::form::Form;
 use crate::scale::Scale;
 
+/// Parts of the torque that a drive is seen to reach at which it may end.
+const JUST_BELOW: [f64; 2] = [1.0, 0.99];
+
 #[derive(Debug)]
 pub struct TorqueSaturation;
 
@@ -24,8 +27,10 @@ impl Form for TorqueSaturation {
 
     fn shapes(&self, scale: &Scale) -> Vec<f64> {
         let parts = [0.95, 0.85, 0.7, 0.5].map(|part| part * scale.motor_torque_nm);
-        // a drive that reports its torque shows where it ends
-        scale.reached_motor_nm.into_iter().chain(parts).collect()
+        // a drive that reports its torque shows where it ends; a joint that stalls there may do so from a little less on only
+        let reached_nm = scale.reached_motor_nm.into_iter();
+        let shown = reached_nm.flat_map(|reached_nm| JUST_BELOW.map(|part| part * reached_nm));
+        shown.chain(parts).collect()
     }
 
     fn shape_range(&self, scale: &Scale) -> [f64; 2] {
@@ -39,6 +44,10 @@ impl Form for TorqueSaturation {
     }
 
     fn is_switch(&self) -> bool {
+        true
+    }
+
+    fn may_be_once(&self) -> bool {
         true
     }
 }
