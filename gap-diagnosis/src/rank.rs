@@ -375,8 +375,8 @@ impl Search<'_> {
     }
 
     /// What a torque of no named law would be worth beside a model, of each family: over what, and nats beyond those of a
-    /// good twin. Known values are refitted with it, as they respond in a round. What is worth it in one second only is an event, but
-    /// for pushes no law.
+    /// good twin. Known values are refitted with it, as they respond in a round. Beside effects
+    /// what is worth it in one second only is an event that does not speak against them, but for pushes.
     pub fn structure(&self, round: &Round, refined: &Refined) -> Vec<(&'static str, f64)> {
         let shape_nats = self.shape_nats();
         let rows = &self.twin.rows;
@@ -396,6 +396,8 @@ impl Search<'_> {
             });
             nats.fold(0.0, f64::max) - shape_nats
         };
+        let model = &refined.model;
+        let is_named = !(model.terms.is_empty() && model.settled.is_empty());
         let is_in_worst = self.in_worst_second(&target);
         families(self.twin, &refined.residual_nm)
             .into_par_iter()
@@ -403,7 +405,7 @@ impl Search<'_> {
                 // each channel is whitened alone, so that it may be left out afterwards
                 family.columns = white(&family.columns);
                 let nats = worth(&family);
-                if family.over == PUSHES_OVER || nats <= 0.0 {
+                if !is_named || family.over == PUSHES_OVER || nats <= 0.0 {
                     return (family.over, nats);
                 }
                 for column in &mut family.columns {
