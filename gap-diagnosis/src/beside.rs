@@ -15,17 +15,6 @@ use crate::search::Search;
 use crate::stretch::Stretch;
 use crate::twin::JointTwin;
 
-/// Effects of one joint that others feel.
-const FELT: [&str; 8] = [
-    "link_inertia",
-    "torsional_compliance",
-    "soft_windup",
-    "backlash",
-    "kinematic_error",
-    "encoder_eccentricity",
-    "encoder_offset",
-    "sensor_delay",
-];
 /// Joints whose effects are tried, those first whose names are worth most.
 const TRIED: usize = 3;
 
@@ -58,7 +47,7 @@ impl Beside {
             };
             let terms = explanation.refined.model.terms.iter();
             let felt: Vec<(&'static str, Effect)> = terms
-                .filter(|term| FELT.contains(&term.hypothesis.effect))
+                .filter(|term| term.hypothesis.is_felt())
                 .map(|term| (term.hypothesis.effect, term.effect(&search.scale)))
                 .collect();
             let others: Vec<usize> = with_gap.iter().copied().filter(|k| *k != joint).collect();

@@ -8,13 +8,11 @@ use robot::Effect;
 
 use crate::evidence::{Remains, naming, remains, tempered_nats};
 use crate::found::Found;
-use crate::hypothesis::Hypothesis;
+use crate::hypothesis::{Hypothesis, shared};
 use crate::refine::Refined;
 use crate::search::{Model, Search, Term};
 use crate::step::Step;
 
-/// Effects that joints may share.
-const SHARED: [&str; 4] = ["payload", "base_tilt", "command_delay", "sensor_delay"];
 /// Of what the own best explanations of the joints that see it are worth together, a shared one must be worth this part:
 /// one cause is likelier than several.
 const PART: f64 = 0.6;
@@ -181,7 +179,7 @@ pub fn find(joints: &[Option<Seen<'_, '_>>]) -> Result<Option<Shared>, FilterErr
     if own.iter().filter(|nats| **nats > 0.0).count() < 2 {
         return Ok(None);
     }
-    let fits = SHARED.iter().filter_map(|effect| fit(effect, joints));
+    let fits = shared().filter_map(|effect| fit(effect, joints));
     let mut fits: Vec<(f64, Shared)> = fits.filter(|(nats, _)| *nats > 0.0).collect();
     fits.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut best: Option<(f64, Shared)> = None;

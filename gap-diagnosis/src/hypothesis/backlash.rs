@@ -32,6 +32,10 @@ impl Form for Backlash {
         Some(Twist::Gives)
     }
 
+    fn is_felt(&self) -> bool {
+        true
+    }
+
     fn series(&self) -> &'static [Series] {
         &[Series::Twist]
     }

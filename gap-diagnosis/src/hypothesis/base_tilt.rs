@@ -32,6 +32,10 @@ impl Form for BaseTilt {
         2
     }
 
+    fn is_shared(&self) -> bool {
+        true
+    }
+
     fn series(&self) -> &'static [Series] {
         &[Series::Position]
     }

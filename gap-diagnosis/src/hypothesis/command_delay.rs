@@ -28,6 +28,10 @@ impl Form for CommandDelay {
         true
     }
 
+    fn is_shared(&self) -> bool {
+        true
+    }
+
     fn series(&self) -> &'static [Series] {
         &[Series::Motion]
     }

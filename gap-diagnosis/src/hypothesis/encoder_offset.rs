@@ -21,6 +21,10 @@ impl Form for EncoderOffset {
         }
     }
 
+    fn is_felt(&self) -> bool {
+        true
+    }
+
     fn series(&self) -> &'static [Series] {
         &[Series::Position]
     }

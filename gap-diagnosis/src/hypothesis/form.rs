@@ -148,6 +148,16 @@ pub trait Form: Any + Debug + Sync {
         false
     }
 
+    /// Whether several joints may see it by one cause: of the whole arm, or of the bus.
+    fn is_shared(&self) -> bool {
+        false
+    }
+
+    /// Whether the other joints feel it: it changes how the joint's link swings, or how its encoders show that.
+    fn is_felt(&self) -> bool {
+        false
+    }
+
     /// What of the gear's twist it is, if any.
     fn twist(&self) -> Option<Twist> {
         None

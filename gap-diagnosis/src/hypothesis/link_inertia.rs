@@ -23,6 +23,10 @@ impl Form for LinkInertia {
         -scale.spare_link_inertia_kg_m2 / (INERTIA_STEP * scale.inertia_kg_m2)
     }
 
+    fn is_felt(&self) -> bool {
+        true
+    }
+
     fn series(&self) -> &'static [Series] {
         &[Series::Motion]
     }

@@ -66,6 +66,12 @@ pub fn plain(scale: &Scale, shown: Shown) -> Vec<Hypothesis> {
         .collect()
 }
 
+/// Effects that several joints may see by one cause.
+pub(crate) fn shared() -> impl Iterator<Item = &'static str> {
+    let shared = PLAIN.iter().filter(|form| form.is_shared());
+    shared.map(|form| form.name())
+}
+
 /// Whether an effect is how far the gear gives as it twists.
 pub(crate) fn is_give(effect: &str) -> bool {
     PLAIN

@@ -39,8 +39,8 @@ use arrayvec::ArrayVec;
 use robot::Effect;
 
 use self::form::{Form, Turn, Twist};
-pub(crate) use self::list::is_give;
 pub use self::list::{Shown, delay, lag, periodic, plain};
+pub(crate) use self::list::{is_give, shared};
 use crate::scale::Scale;
 use crate::stage::Stage;
 
@@ -109,6 +109,11 @@ impl Hypothesis {
     /// Whether the effect is there or not, with its shape as its only parameter.
     pub fn is_switch(&self) -> bool {
         self.form.is_switch()
+    }
+
+    /// Whether the other joints feel it.
+    pub fn is_felt(&self) -> bool {
+        self.form.is_felt()
     }
 
     /// Whether it is how far the gear gives as it twists.

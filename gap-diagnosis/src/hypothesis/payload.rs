@@ -60,6 +60,10 @@ impl Form for Payload {
         true
     }
 
+    fn is_shared(&self) -> bool {
+        true
+    }
+
     fn series(&self) -> &'static [Series] {
         SERIES
     }

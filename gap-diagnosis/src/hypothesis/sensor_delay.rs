@@ -28,6 +28,14 @@ impl Form for SensorDelay {
         true
     }
 
+    fn is_shared(&self) -> bool {
+        true
+    }
+
+    fn is_felt(&self) -> bool {
+        true
+    }
+
     fn series(&self) -> &'static [Series] {
         &[Series::Motion]
     }

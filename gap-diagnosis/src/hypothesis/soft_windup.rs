@@ -40,6 +40,10 @@ impl Form for SoftWindup {
         Some(Twist::Gives)
     }
 
+    fn is_felt(&self) -> bool {
+        true
+    }
+
     fn series(&self) -> &'static [Series] {
         &[Series::Twist]
     }

@@ -24,6 +24,10 @@ impl Form for TorsionalCompliance {
         Some(Twist::Gives)
     }
 
+    fn is_felt(&self) -> bool {
+        true
+    }
+
     fn series(&self) -> &'static [Series] {
         &[Series::Motion, Series::Twist]
     }
