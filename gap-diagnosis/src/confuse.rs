@@ -4,7 +4,7 @@ use robot::Effect;
 
 use crate::data::ONE_FREQUENCY;
 use crate::evidence::SAME_TORQUE;
-use crate::hypothesis::is_give;
+use crate::hypothesis::giving;
 use crate::known::Known;
 use crate::rank::Scored;
 use crate::report::Confusable;
@@ -89,7 +89,7 @@ fn in_step(told: &Told<'_>) -> Vec<Confusable> {
     if told.poverty != Some(ONE_FREQUENCY) || !is_unseen {
         return Vec::new();
     }
-    let named: Vec<&'static str> = told.added().filter_map(|step| step.added).collect();
+    let named: Vec<&str> = told.added().filter_map(|step| step.added).collect();
     let hypotheses = &told.search.hypotheses;
     let is_possible = |name: &str| hypotheses.iter().any(|of| of.effect == name);
     let pairs = in_step_pairs(&named).into_iter();
@@ -107,8 +107,8 @@ fn in_step(told: &Told<'_>) -> Vec<Confusable> {
 /// Driven at one frequency, what is linear shows at that frequency only, as two numbers: in step with the acceleration, and with
 /// the velocity, where friction is. Windup and backlash are one stiffness at one amplitude. A twin does part them, by the swinging
 /// that friction sets off at reversals, which stays out of it: the distance is of the frequency that the joint was driven at.
-fn in_step_pairs(named: &[&'static str]) -> Vec<[&'static str; 2]> {
-    let twist = named.iter().copied().find(|effect| is_give(effect));
+fn in_step_pairs(named: &[&str]) -> Vec<[&'static str; 2]> {
+    let twist = giving().find(|effect| named.contains(effect));
     let is_inertia = INERTIAS.iter().any(|inertia| named.contains(inertia));
     if twist.is_none() && !is_inertia && !named.is_empty() {
         return Vec::new();

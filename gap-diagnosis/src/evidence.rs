@@ -155,7 +155,7 @@ fn cost(ranking: &Ranking, hypothesis: &Hypothesis, amplitudes: &[f64]) -> f64 {
     if ranking.is_aliased && hypothesis.is_twist() {
         beside += ALIASED_TWIST;
     }
-    if hypothesis.is_give() && ranking.joints > 1 {
+    if hypothesis.gives() && ranking.joints > 1 {
         beside += OTHERS_TWIST;
     }
     if hypothesis.effect == "base_tilt" && ranking.joints == 1 {
@@ -246,6 +246,15 @@ pub(crate) fn most_by_rest(worth_of_rest: f64) -> f64 {
         BEYOND_ONE_SECOND * worth_of_rest
     } else {
         worth_of_rest
+    }
+}
+
+/// The same, but for what happens once by its law and is nearly all that there is.
+fn most_in_all(worth_of_rest: f64, is_once: bool) -> f64 {
+    if is_once {
+        f64::INFINITY
+    } else {
+        most_by_rest(worth_of_rest)
     }
 }
 
@@ -372,11 +381,8 @@ impl Standings {
             let spared = without.strain - simulated.left.strain;
             let is_all = simulated.left.square <= ALMOST_ALL * without.square;
             let in_rest = errors - simulated.most_in_a_second / variance;
-            let of_rest = if is_all && scored.hypothesis.may_be_once() {
-                f64::INFINITY
-            } else {
-                most_by_rest(worth(ranking, scored, in_rest, spared))
-            };
+            let of_rest = worth(ranking, scored, in_rest, spared);
+            let of_rest = most_in_all(of_rest, is_all && scored.hypothesis.may_be_once());
             let worth = worth(ranking, scored, errors, spared);
             let cost = cost_in_doubt(ranking, &scored.hypothesis);
             let certainty = simulated.certainty.filter(|_| !is_all);
@@ -557,6 +563,13 @@ mod tests {
         }
         // one that moves for a third of the time only loses nothing either, once it is well seen
         assert!(most_by_rest(0.67 * 25.0 - naming_nats) >= 25.0 - naming_nats);
+        // but for a limit, which may be met once
+        let all = plain(&scale(), ARM);
+        let once = all.iter().filter(|one| one.may_be_once());
+        let once: Vec<&str> = once.map(|one| one.effect).collect();
+        assert!(!once.is_empty() && once.iter().all(|name| *name == "torque_saturation"));
+        assert_eq!(most_in_all(-10.0, true), f64::INFINITY);
+        assert_eq!(most_in_all(-10.0, false), -10.0);
     }
 
     #[test]

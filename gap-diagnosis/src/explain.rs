@@ -1,14 +1,12 @@
 //! A joint's explanation: effects are added one at a time while they are worth it, and taken back if they no longer are.
 
-use std::collections::BTreeMap;
-
 use joint_model::filter::FilterError;
 use rayon::prelude::*;
 
 use crate::evidence::{
     Remains, cost_in_file, most_left, remains, together, unknown_probability, variance_of,
 };
-use crate::hypothesis::Hypothesis;
+use crate::hypothesis::{Hypothesis, giving};
 use crate::judge::shrink_alone;
 use crate::rank::Round;
 use crate::refine::Refined;
@@ -346,31 +344,27 @@ impl Growing<'_, '_> {
     /// no response to it.
     fn twisted(&self, first: &Step) -> Result<Vec<Model>, FilterError> {
         let added = &self.refined.model.terms;
-        let gives = added.iter().any(|term| term.hypothesis.is_give());
-        let has_room = (1..EFFECTS_MAX).contains(&added.len()) && !gives;
+        let gives = |term: &Term| term.hypothesis.gives();
+        let has_room = (1..EFFECTS_MAX).contains(&added.len()) && !added.iter().any(gives);
         let beside = has_room.then_some(&self.refined);
-        let mut ways: BTreeMap<&str, Vec<Term>> = BTreeMap::new();
-        let scored = first.round.ranking.scored.iter();
-        for hypothesis in scored
-            .map(|scored| &scored.hypothesis)
-            .filter(|of| of.is_give())
-        {
-            let terms = ways.entry(hypothesis.effect).or_default();
-            if !terms
-                .iter()
-                .any(|of| of.hypothesis.shape == hypothesis.shape)
-            {
-                terms.push(Term {
-                    hypothesis: hypothesis.clone(),
-                    amplitudes: vec![0.0; hypothesis.amplitudes()],
-                });
-            }
-        }
         let mut models = Vec::new();
-        for terms in ways.values() {
-            for refined in [Some(&first.base), beside].into_iter().flatten() {
-                let starts = self.search.starts(refined, terms)?;
-                models.extend(starts.into_iter().take(STARTS));
+        for effect in giving() {
+            let mut terms: Vec<Term> = Vec::new();
+            for scored in &first.round.ranking.scored {
+                let hypothesis = &scored.hypothesis;
+                let is_there = |of: &Term| of.hypothesis.shape == hypothesis.shape;
+                if hypothesis.effect == effect && !terms.iter().any(is_there) {
+                    terms.push(Term {
+                        hypothesis: hypothesis.clone(),
+                        amplitudes: vec![0.0; hypothesis.amplitudes()],
+                    });
+                }
+            }
+            if !terms.is_empty() {
+                for refined in [Some(&first.base), beside].into_iter().flatten() {
+                    let starts = self.search.starts(refined, &terms)?;
+                    models.extend(starts.into_iter().take(STARTS));
+                }
             }
         }
         Ok(models)
@@ -485,7 +479,7 @@ impl Growing<'_, '_> {
     fn is_shown(&self, step: &Step, best: &Refitted) -> bool {
         let ranking = &step.round.ranking;
         let added = best.refined.model.terms.last();
-        let is_twist = added.is_some_and(|term| term.hypothesis.is_give());
+        let is_twist = added.is_some_and(|term| term.hypothesis.gives());
         if self.added.is_empty() || ranking.sees_torsion || !is_twist {
             return true;
         }

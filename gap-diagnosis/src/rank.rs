@@ -375,8 +375,8 @@ impl Search<'_> {
     }
 
     /// What a torque of no named law would be worth beside a model, of each family: over what, and nats beyond those of a
-    /// good twin. Known values are refitted with it, as they respond in a round. Beside effects
-    /// what is worth it in one second only is an event that does not speak against them, but for pushes.
+    /// good twin. Known values are refitted with it, as they respond in a round. Beside effects what is
+    /// worth it in one second only is an event that does not speak against them, but for pushes.
     pub fn structure(&self, round: &Round, refined: &Refined) -> Vec<(&'static str, f64)> {
         let shape_nats = self.shape_nats();
         let rows = &self.twin.rows;

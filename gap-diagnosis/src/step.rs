@@ -123,7 +123,7 @@ impl Step {
             .filter(|index| of(*index).size_nm > 0.0)
             .collect();
         // what a gear gives at large torques says little of small ones, so that linear responses do not tell in which way it gives
-        let is_twist = |index: usize| of(index).hypothesis.is_give();
+        let is_twist = |index: usize| of(index).hypothesis.gives();
         if leading.iter().any(|index| is_twist(*index)) {
             let all = standings.effects.iter().map(|(index, _)| *index);
             let others: Vec<usize> = all

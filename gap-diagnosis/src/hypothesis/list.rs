@@ -72,11 +72,12 @@ pub(crate) fn shared() -> impl Iterator<Item = &'static str> {
     shared.map(|form| form.name())
 }
 
-/// Whether an effect is how far the gear gives as it twists.
-pub(crate) fn is_give(effect: &str) -> bool {
-    PLAIN
+/// Ways in which the gear gives as it twists.
+pub(crate) fn giving() -> impl Iterator<Item = &'static str> {
+    let giving = PLAIN
         .iter()
-        .any(|form| form.name() == effect && form.twist() == Some(Twist::Gives))
+        .filter(|form| form.twist() == Some(Twist::Gives));
+    giving.map(|form| form.name())
 }
 
 /// A form at each shape and each reach at which it is tried.

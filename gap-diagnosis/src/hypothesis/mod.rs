@@ -40,7 +40,7 @@ use robot::Effect;
 
 use self::form::{Form, Turn, Twist};
 pub use self::list::{Shown, delay, lag, periodic, plain};
-pub(crate) use self::list::{is_give, shared};
+pub(crate) use self::list::{giving, shared};
 use crate::scale::Scale;
 use crate::stage::Stage;
 
@@ -116,8 +116,8 @@ impl Hypothesis {
         self.form.is_felt()
     }
 
-    /// Whether it is how far the gear gives as it twists.
-    pub fn is_give(&self) -> bool {
+    /// Whether it is a way in which the gear gives as it twists.
+    pub fn gives(&self) -> bool {
         self.form.twist() == Some(Twist::Gives)
     }
 
@@ -128,7 +128,7 @@ impl Hypothesis {
 
     /// Whether it shows at reversals only. `sees_torsion`: whether a second encoder or a torque sensor shows how the gear twists.
     pub fn shows_at_reversals(&self, sees_torsion: bool) -> bool {
-        self.form.shows_at_reversals() || self.is_give() && !sees_torsion
+        self.form.shows_at_reversals() || self.gives() && !sees_torsion
     }
 
     /// Whether it is twist that nothing but reversals shows.
