@@ -24,7 +24,7 @@ pub(super) struct Meaning {
 }
 
 impl Meaning {
-    /// The unit, sign and gear side that come nearest, if they come as near as this.
+    /// Of a motion: the unit, sign and gear side that come nearest, if they come as near as this.
     pub(super) fn of(measured: f64, gear_ratio: Option<f64>, near: f64) -> Self {
         let ratio = gear_ratio.map_or(1.0, f64::abs);
         let units = [
@@ -34,11 +34,16 @@ impl Meaning {
             (RPM, "in revolutions per minute"),
             (1.0 / TAU, "in turns"),
         ];
-        let sides = [
-            (1.0, ""),
-            (ratio, "motor side instead of joint side"),
-            (1.0 / ratio, "joint side instead of motor side"),
-        ];
+        Self::nearest(measured, &units, &sides(ratio), near)
+    }
+
+    /// Of a torque, which a gear makes larger where it makes motion smaller, and which no angle's unit is in.
+    pub(super) fn of_torque(measured: f64, gear_ratio: Option<f64>, near: f64) -> Self {
+        let ratio = gear_ratio.map_or(1.0, f64::abs);
+        Self::nearest(measured, &[(1.0, "")], &sides(1.0 / ratio), near)
+    }
+
+    fn nearest(measured: f64, units: &[(f64, &str)], sides: &[(f64, &str)], near: f64) -> Self {
         let combined = units
             .iter()
             .flat_map(|unit| sides.iter().map(move |side| (unit, side)));
@@ -72,9 +77,31 @@ impl Meaning {
     }
 }
 
+/// Sides of a gear between which a quantity grows so much from joint to motor.
+fn sides(to_motor: f64) -> [(f64, &'static str); 3] {
+    [
+        (1.0, ""),
+        (to_motor, "motor side instead of joint side"),
+        (1.0 / to_motor, "joint side instead of motor side"),
+    ]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_torque_is_never_in_degrees_and_is_larger_behind_the_gear() {
+        let of = |factor| {
+            let meaning = Meaning::of_torque(factor, Some(100.0), TRACKED);
+            (meaning.kind, meaning.text)
+        };
+        let joint_side = "joint side instead of motor side".to_owned();
+        assert_eq!(of(101.0), (FindingKind::WrongSide, joint_side));
+        assert_eq!(of(0.0099).1, "motor side instead of joint side");
+        assert_eq!(of(57.3).0, FindingKind::WrongScale);
+        assert_eq!(of(-1.1).0, FindingKind::ReversedSign);
+    }
 
     #[test]
     fn a_factor_is_told_from_its_neighbours() {

@@ -3,6 +3,7 @@
 
 mod meaning;
 mod motion;
+mod ratio;
 mod robot;
 mod scale;
 mod support;
@@ -157,7 +158,7 @@ pub fn check(recording: &Recording, robot: Option<&CheckRobot>) -> Vec<Finding> 
         for joint in &recording.joints {
             let of_robot = robot.and_then(|robot| robot.joint(&joint.name));
             let seen = scale::Scales::of(recording, joint, of_robot);
-            findings.extend(scale::check(joint, of_robot, &seen));
+            findings.extend(scale::check(recording, joint, of_robot, &seen));
             findings.extend(motion::check(recording, joint, &seen));
             if let (Some(robot), Some(of_robot)) = (robot, of_robot) {
                 findings.extend(robot::check_joint(robot, of_robot, joint, &seen));

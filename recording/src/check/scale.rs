@@ -2,7 +2,7 @@
 
 use super::meaning::{DEGREES, MEASURED, Meaning, TRACKED};
 use super::robot::has_its_step;
-use super::{CheckJoint, Finding, FindingKind, mapping_line, torque, values};
+use super::{CheckJoint, Finding, FindingKind, mapping_line, ratio, torque, values};
 use crate::statistics::line;
 use crate::{JointColumns, Recording, Signal};
 use std::ops::Range;
@@ -14,7 +14,7 @@ const BARELY_FOLLOWS: Range<f64> = 0.02..0.6;
 /// A wrong factor keeps two positions on a straight line. Lost motion or a joint that lags behind its reference does not: what
 /// they change scatters by more than this part of what it tilts. A gap that gravity holds open, a square wave in phase with a
 /// sine, scatters by 0.48 of it.
-const STRAIGHT: f64 = 0.4;
+pub(super) const STRAIGHT: f64 = 0.4;
 /// A real joint stays behind its reference, and a short swing of it is far from the same.
 const TRACKING: Range<f64> = 0.6..1.6;
 /// A joint that its controller lets fall behind does not do so in proportion: friction alone scatters the line by more than this
@@ -31,9 +31,9 @@ pub(super) struct Scales {
     /// Motor turns per joint turn: the robot file's, or what the encoders show.
     pub(super) gear_ratio: Option<f64>,
     /// Motor position over link position.
-    measured_ratio: Option<f64>,
+    pub(super) measured_ratio: Option<f64>,
     /// How far the two are from a straight line, root mean square, as a part of their range.
-    ratio_scatter: f64,
+    pub(super) ratio_scatter: f64,
     /// By the motor's encoder, and what it turns per joint turn.
     followed: Option<Followed>,
     positions: Vec<Wrong>,
@@ -300,6 +300,7 @@ fn moves_and_integrals(
 
 /// What the factors mean.
 pub(super) fn check(
+    recording: &Recording,
     joint: &JointColumns,
     robot: Option<&CheckJoint>,
     seen: &Scales,
@@ -310,7 +311,7 @@ pub(super) fn check(
         .collect();
     findings.extend(torque::current_as_torque(joint, robot));
     if seen.positions.is_empty() {
-        findings.extend(gear_ratio(joint, robot, seen));
+        findings.extend(ratio::check(recording, joint, robot, seen));
         findings.extend(off_reference(joint, seen));
     }
     findings
@@ -348,7 +349,7 @@ fn explain(
     }
     let Meaning { kind, text, factor } = &wrong.meaning;
     if *kind == FindingKind::WrongScale && wrong.signal == Signal::MotorPositionRad {
-        return wrong_ratio(joint, factor * seen.gear_ratio.unwrap_or(1.0), seen);
+        return ratio::wrong(joint, factor * seen.gear_ratio.unwrap_or(1.0), seen);
     }
     let what = format!(
         "{:.4} times what {} says: {text}",
@@ -360,54 +361,4 @@ fn explain(
         .of(wrong.signal)
         .decided_by(wrong.measured)
         .remedy(mapping_line(joint, wrong.signal, &remedy))
-}
-
-/// The gear ratio from both encoders against the robot file's.
-fn gear_ratio(joint: &JointColumns, robot: Option<&CheckJoint>, seen: &Scales) -> Option<Finding> {
-    /// An encoder's eccentricity and the windup of a gear of unknown stiffness change the ratio by less.
-    const RATIO_OFF: f64 = 0.01;
-    /// So many times softer than its file says a gear may be.
-    const SOFTER: f64 = 3.0;
-    let measured = seen.measured_ratio?;
-    let Some(robot) = robot else {
-        let reversed = (measured < 0.0).then(|| {
-            let what = format!("turns against link_position_rad, {measured:.4} times as far");
-            let remedy = "multiply its scale by -1: positive is the same direction on both sides of the gear";
-            Finding::error(FindingKind::ReversedSign, what)
-                .decided_by(measured)
-                .remedy(mapping_line(joint, Signal::MotorPositionRad, remedy))
-        });
-        return reversed.map(|finding| finding.at(joint).of(Signal::MotorPositionRad));
-    };
-    let off = measured / robot.gear_ratio - 1.0;
-    let windup = SOFTER * windup(joint, robot);
-    let beyond = off - off.clamp(windup.min(0.0), windup.max(0.0));
-    let is_straight = seen.ratio_scatter < STRAIGHT * off.abs();
-    (beyond.abs() > RATIO_OFF && is_straight).then(|| wrong_ratio(joint, measured, seen))
-}
-
-/// By how much the torque winds a gear up per angle of its joint (least squares): it turns the motor on, as another ratio would.
-fn windup(joint: &JointColumns, robot: &CheckJoint) -> f64 {
-    let torques = [Signal::MotorTorqueNm, Signal::CommandTorqueNm];
-    let torque_nm = torques.iter().find_map(|signal| values(joint, *signal));
-    let load = values(joint, Signal::LinkPositionRad)
-        .zip(torque_nm)
-        .and_then(|(link_rad, torque_nm)| line(link_rad, torque_nm));
-    load.zip(robot.stiffness_nm_rad)
-        .filter(|(_, stiffness_nm_rad)| *stiffness_nm_rad > 0.0)
-        .map_or(0.0, |(load, stiffness_nm_rad)| {
-            load.slope * load.correlation.abs() * robot.gear_ratio / stiffness_nm_rad
-        })
-}
-
-fn wrong_ratio(joint: &JointColumns, measured: f64, seen: &Scales) -> Finding {
-    let told = seen.gear_ratio.unwrap_or(1.0);
-    let what = format!(
-        "the motor turns {measured:.4} times per joint turn, the gear_ratio told is {told:.4}"
-    );
-    Finding::error(FindingKind::WrongGearRatio, what)
-        .at(joint)
-        .of(Signal::MotorPositionRad)
-        .decided_by(measured)
-        .remedy("correct gear_ratio in the robot file, or the scale of one encoder in the mapping file; if the ratio is another joint's, the joints are swapped")
 }

@@ -29,7 +29,7 @@ fn against_command(joint: &JointColumns, seen: &Scales) -> Option<Wrong> {
         signal: Signal::MotorTorqueNm,
         against: Signal::CommandTorqueNm,
         measured,
-        meaning: Meaning::of(measured, seen.gear_ratio, TRACKED),
+        meaning: Meaning::of_torque(measured, seen.gear_ratio, TRACKED),
     })
 }
 
@@ -97,7 +97,7 @@ fn reversed(signal: Signal, against: Signal) -> Wrong {
         signal,
         against,
         measured: -1.0,
-        meaning: Meaning::of(-1.0, None, MEASURED),
+        meaning: Meaning::of_torque(-1.0, None, MEASURED),
     }
 }
 
