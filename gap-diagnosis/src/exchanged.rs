@@ -1,4 +1,4 @@
-//! Joints recorded under each other's names: the file's masses carry less of what they are said to carry than of what the other
+//! Joints, or their torques, recorded under each other's names: the file's masses carry less of what they are said to carry than of what the other
 //! is.
 //!
 //! Friction and the gap that is looked for are no reason to think so: only what the rigid bodies do along the whole arm's motion
@@ -25,33 +25,79 @@ const GAIN: f64 = 2.0;
 /// Part of that by which any one joint may be worse.
 const WORSE: f64 = 0.1;
 
+/// What of two joints is recorded under each other's names.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Columns {
+    All,
+    Torques,
+    Positions,
+}
+
+/// An exchange that was tried, and what the rigid bodies leave of each joint's torque after it.
+struct Exchange {
+    pair: [usize; 2],
+    columns: Columns,
+    gain: f64,
+    after: Vec<f64>,
+}
+
 /// The two joints that fit the file's masses better under each other's names, if any do.
 pub(crate) fn check(robot: &Robot, recording: &Recording) -> Option<Finding> {
     let thinned = thinned(recording);
-    let before = parts(robot, &thinned)?;
+    let stretches = rigid_stretches(&[&thinned], robot).ok()?;
+    let before = parts(robot, &stretches, None);
     let joints = 0..robot.joints.len();
     let pairs = joints.flat_map(|a| (0..a).map(move |b| [b, a]));
     let doubtful = pairs.filter(|pair| pair.iter().any(|joint| before[*joint] > OWN));
-    let tried = doubtful.filter_map(|pair| {
-        let after = parts(robot, &exchanged(robot, &thinned, pair)?)?;
-        Some((pair, gain(&before, &after)?, after))
+    let tried = doubtful.flat_map(|pair| {
+        let with_torques = Some(parts(robot, &stretches, Some(pair)));
+        let others = exchanged(robot, &thinned, pair);
+        let others = others.and_then(|others| rigid_stretches(&[&others], robot).ok());
+        let with_all = others.as_ref().map(|of| parts(robot, of, None));
+        let with_positions = others.as_ref().map(|of| parts(robot, of, Some(pair)));
+        let each = [
+            (Columns::All, with_all),
+            (Columns::Torques, with_torques),
+            (Columns::Positions, with_positions),
+        ];
+        let before = &before;
+        each.into_iter().filter_map(move |(columns, after)| {
+            let after = after?;
+            let gain = gain(before, &after)?;
+            Some(Exchange {
+                pair,
+                columns,
+                gain,
+                after,
+            })
+        })
     });
-    let (pair, gain, after) = tried.max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let [first, second] = pair.map(|joint| &robot.joints[joint].name);
+    let best = tried.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+    Some(finding(robot, &before, &best))
+}
+
+fn finding(robot: &Robot, before: &[f64], exchange: &Exchange) -> Finding {
+    let [a, b] = exchange.pair;
+    let [first, second] = [a, b].map(|joint| &robot.joints[joint].name);
+    let (of, columns) = match exchange.columns {
+        Columns::All => ("", "all columns"),
+        Columns::Torques => ("the torques of ", "the torque columns"),
+        Columns::Positions => ("the positions of ", "all columns but those of torques"),
+    };
     let what = format!(
-        "{first} and {second} are recorded under each other's names: the file's masses leave {:.2} and {:.2} of the squares of \
+        "{of}{first} and {second} are recorded under each other's names: the file's masses leave {:.2} and {:.2} of the squares of \
          their torques beyond friction, but {:.2} and {:.2} with the two exchanged",
-        before[pair[0]], before[pair[1]], after[pair[0]], after[pair[1]],
+        before[a], before[b], exchange.after[a], exchange.after[b],
     );
-    Some(Finding {
+    Finding {
         severity: Severity::Error,
         kind: FindingKind::SwappedJoints,
         joint: None,
         signal: None,
         what,
-        value: Some(gain),
-        remedy: format!("exchange all columns of {first} with those of {second}"),
-    })
+        value: Some(exchange.gain),
+        remedy: format!("exchange {columns} of {first} with those of {second}"),
+    }
 }
 
 /// By how much an exchange lets the rigid bodies leave less, if it is believed.
@@ -96,11 +142,18 @@ fn exchanged(robot: &Robot, recording: &Recording, pair: [usize; 2]) -> Option<R
     Some(exchanged)
 }
 
-/// Of each joint, what the rigid bodies leave of the squares of its torque beyond friction; all of it where that is not known.
-fn parts(robot: &Robot, recording: &Recording) -> Option<Vec<f64>> {
-    let stretches = rigid_stretches(&[recording], robot).ok()?;
+/// Of each joint, what the rigid bodies leave of the squares of its torque beyond friction; all of it where that is not known. Two
+/// joints may have each other's torques.
+fn parts(robot: &Robot, stretches: &[Stretch], exchanged: Option<[usize; 2]>) -> Vec<f64> {
+    let torque_of = |joint: usize| match exchanged {
+        Some([a, b]) if joint == a => b,
+        Some([a, b]) if joint == b => a,
+        _ => joint,
+    };
     let joints = 0..robot.joints.len();
-    Some(joints.map(|joint| part(robot, joint, &stretches)).collect())
+    joints
+        .map(|joint| part(robot, joint, torque_of(joint), stretches))
+        .collect()
 }
 
 /// One joint's row: direction and velocity, torque, and what the rigid bodies make of it.
@@ -110,10 +163,10 @@ struct Row {
     rigid_nm: f64,
 }
 
-fn part(robot: &Robot, joint: usize, stretches: &[Stretch]) -> f64 {
+fn part(robot: &Robot, joint: usize, torque_of: usize, stretches: &[Stretch]) -> f64 {
     let rows: Vec<Row> = stretches
         .iter()
-        .flat_map(|stretch| rows(robot, joint, stretch))
+        .flat_map(|stretch| rows(robot, joint, torque_of, stretch))
         .collect();
     let square = rows.iter().map(|row| row.friction.y.powi(2)).sum::<f64>();
     let moves_rad_s = MOVES * (square / rows.len().max(1) as f64).sqrt();
@@ -132,22 +185,26 @@ fn part(robot: &Robot, joint: usize, stretches: &[Stretch]) -> f64 {
     }
 }
 
-fn rows(robot: &Robot, joint: usize, stretch: &Stretch) -> Vec<Row> {
-    let Some(of_joint) = &stretch.joints[joint] else {
+/// Of a joint's motion, with the torque that is recorded as another's or its own.
+fn rows(robot: &Robot, joint: usize, torque_of: usize, stretch: &Stretch) -> Vec<Row> {
+    let (Some(of_joint), Some(of_torque)) = (&stretch.joints[joint], &stretch.joints[torque_of])
+    else {
         return Vec::new();
     };
-    let file = &robot.joints[joint];
+    let [file, other] = [joint, torque_of].map(|joint| &robot.joints[joint]);
     let rotor_kg_m2 = file.rotor_inertia_kg_m2 * file.gear_ratio.powi(2);
     let load = &of_joint.load;
     let acceleration_rad_s2 = stretch.motion.acceleration_rad_s2(joint);
-    let whole = (0..of_joint.samples()).filter(|k| of_joint.is_whole[*k]);
+    let whole = (0..of_joint.samples().min(of_torque.samples()))
+        .filter(|k| of_joint.is_whole[*k] && of_torque.is_whole[*k]);
     whole
         .map(|k| {
             let velocity_rad_s = load.velocity_rad_s[k];
             let inertia_kg_m2 = rotor_kg_m2 + load.inertia_kg_m2[k];
             Row {
                 friction: Vector2::new(velocity_rad_s.signum(), velocity_rad_s),
-                torque_nm: of_joint.torque_nm[k],
+                // what is recorded is of the motor, whose ratio the file tells
+                torque_nm: of_torque.torque_nm[k] * file.gear_ratio / other.gear_ratio,
                 rigid_nm: load.torque_nm[k] + inertia_kg_m2 * acceleration_rad_s2[k],
             }
         })
@@ -242,6 +299,25 @@ mod tests {
             assert_eq!(finding.kind, FindingKind::SwappedJoints);
             let names = pair.map(|joint| robot.joints[joint].name.as_str());
             let both = format!("{} and {} are", names[0], names[1]);
+            assert!(finding.what.starts_with(&both), "{finding}");
+        }
+    }
+
+    #[test]
+    fn torques_or_positions_that_are_another_joints_are_told_from_whole_joints() {
+        let robot = robot::load("pa10").unwrap();
+        let honest = swinging(&robot, None);
+        for (signal, of) in [
+            (Signal::MotorTorqueNm, "the torques of"),
+            (Signal::MotorPositionRad, "the positions of"),
+        ] {
+            let mut recording = honest.clone();
+            for [to, from] in [[1, 3], [3, 1]] {
+                let values = honest.joints[from].signals[&signal].clone();
+                recording.joints[to].signals.insert(signal, values);
+            }
+            let finding = check(&robot, &recording).unwrap();
+            let both = format!("{of} joint2 and joint4 are");
             assert!(finding.what.starts_with(&both), "{finding}");
         }
     }
