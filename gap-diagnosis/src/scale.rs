@@ -20,6 +20,8 @@ pub struct Scale {
     pub friction_nm: f64,
     /// The least that the file's friction comes to at any speed: more cannot be taken off it.
     pub least_friction_nm: f64,
+    /// Friction over load that the file has: less would be friction that load takes away. None where a table may have it fall.
+    pub load_coefficient: Option<f64>,
     /// Fastest speed but for a few samples.
     pub speed_rad_s: f64,
     /// Motor turns per joint turn.
@@ -74,7 +76,8 @@ impl Scale {
         let torque_nm = high(&all(|stretch| &stretch.torque_nm));
         let speed_rad_s = high(&all(|stretch| &stretch.load.velocity_rad_s)).max(1e-3);
         let inertia = all(|stretch| &stretch.load.inertia_kg_m2);
-        let at_part = |part: f64| model.friction.level_nm(&Sliding::at(part * speed_rad_s));
+        let friction = &model.friction;
+        let at_part = |part: f64| friction.level_nm(&Sliding::at(part * speed_rad_s));
         let told_nm = at_part(0.2);
         Self {
             friction_nm: told_nm.max(0.05 * torque_nm).max(1e-6),
@@ -82,6 +85,10 @@ impl Scale {
                 .map(at_part)
                 .into_iter()
                 .fold(f64::INFINITY, f64::min),
+            load_coefficient: friction
+                .load_torque
+                .is_none()
+                .then_some(friction.load_dependent.load_coefficient),
             speed_rad_s,
             gear_ratio: model.gear_ratio,
             stiffness_nm_rad: model.stiffness_nm_rad,
