@@ -8,6 +8,7 @@ use crate::evidence::{
 };
 use crate::hypothesis::{Hypothesis, giving};
 use crate::judge::shrink_alone;
+use crate::observe::Channel;
 use crate::rank::Round;
 use crate::refine::Refined;
 use crate::search::{Model, Search, Term, strain};
@@ -270,11 +271,14 @@ impl Growing<'_, '_> {
                 shrink < WORSE_ALONE
             })
             .collect();
+        let has_torque_sensor = self.search.twin.channels.contains(&Channel::Link);
         let is_of_series = |term: usize| {
             let mut others = (0..is_worse.len()).filter(|other| *other != term && is_worse[*other]);
             let hypothesis = |term: usize| &model.terms[term].hypothesis;
             is_worse[term]
-                && others.any(|other| hypothesis(term).is_in_series_with(hypothesis(other)))
+                && others.any(|other| {
+                    hypothesis(term).is_in_series_with(hypothesis(other), has_torque_sensor)
+                })
         };
         let series: Vec<usize> = (0..is_worse.len())
             .filter(|term| is_of_series(*term))

@@ -36,6 +36,10 @@ impl Form for BaseTilt {
         true
     }
 
+    fn is_carried(&self) -> bool {
+        true
+    }
+
     fn series(&self) -> &'static [Series] {
         &[Series::Position]
     }

@@ -25,6 +25,10 @@ impl Form for EncoderOffset {
         true
     }
 
+    fn is_carried(&self) -> bool {
+        true
+    }
+
     fn series(&self) -> &'static [Series] {
         &[Series::Position]
     }

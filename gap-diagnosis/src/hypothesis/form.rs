@@ -158,6 +158,11 @@ pub trait Form: Any + Debug + Sync {
         false
     }
 
+    /// Whether it changes what the gear carries, so that a torque sensor behind the gear shows it and not what drive and motor do.
+    fn is_carried(&self) -> bool {
+        false
+    }
+
     /// What of the gear's twist it is, if any.
     fn twist(&self) -> Option<Twist> {
         None

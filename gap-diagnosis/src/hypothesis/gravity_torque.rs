@@ -26,6 +26,10 @@ impl Form for GravityTorque {
         2
     }
 
+    fn is_carried(&self) -> bool {
+        true
+    }
+
     fn series(&self) -> &'static [Series] {
         &[Series::Position]
     }

@@ -35,6 +35,10 @@ impl Form for JointSpring {
         true
     }
 
+    fn is_carried(&self) -> bool {
+        true
+    }
+
     fn series(&self) -> &'static [Series] {
         &[Series::Position]
     }

@@ -27,6 +27,10 @@ impl Form for LinkInertia {
         true
     }
 
+    fn is_carried(&self) -> bool {
+        true
+    }
+
     fn series(&self) -> &'static [Series] {
         &[Series::Motion]
     }

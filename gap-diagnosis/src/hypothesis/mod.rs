@@ -178,11 +178,12 @@ impl Hypothesis {
     }
 
     /// Whether both are terms of a series in one variable. Two that nearly cancel may stand for a law of that variable that is
-    /// no term of the series.
-    pub fn is_in_series_with(&self, other: &Self) -> bool {
+    /// no term of the series; not where a torque sensor shows one of them and not the other.
+    pub fn is_in_series_with(&self, other: &Self, has_torque_sensor: bool) -> bool {
         let mut series = self.form.series().iter();
+        let is_told_apart = has_torque_sensor && self.form.is_carried() != other.form.is_carried();
         self.is_periodic() && other.is_periodic()
-            || series.any(|one| other.form.series().contains(one))
+            || !is_told_apart && series.any(|one| other.form.series().contains(one))
     }
 
     /// Whether both are one effect that repeats with an angle, at different numbers of cycles: of those only a kinematic error has
@@ -292,7 +293,7 @@ pub(crate) mod tests {
             all.find(|hypothesis| hypothesis.effect == name)
                 .expect("it is on the list")
         };
-        let is_series = |one, other| of(one).is_in_series_with(&of(other));
+        let is_series = |one, other| of(one).is_in_series_with(&of(other), false);
         assert!(is_series("viscous_friction", "quadratic_friction"));
         assert!(is_series("sensor_delay", "link_inertia"));
         assert!(!is_series(
@@ -300,6 +301,11 @@ pub(crate) mod tests {
             "torque_constant_error"
         ));
         assert!(!is_series("coulomb_friction", "joint_spring"));
+        // the gear carries a spring's torque, and not an offset of the motor's
+        assert!(is_series("torque_offset", "joint_spring"));
+        let with_sensor = |one, other| of(one).is_in_series_with(&of(other), true);
+        assert!(!with_sensor("torque_offset", "joint_spring"));
+        assert!(with_sensor("gravity_torque", "joint_spring"));
     }
 
     #[test]

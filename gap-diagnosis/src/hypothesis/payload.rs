@@ -64,6 +64,10 @@ impl Form for Payload {
         true
     }
 
+    fn is_carried(&self) -> bool {
+        true
+    }
+
     fn series(&self) -> &'static [Series] {
         SERIES
     }
@@ -116,6 +120,10 @@ impl Form for PayloadAt {
 
     fn amplitudes(&self) -> usize {
         2
+    }
+
+    fn is_carried(&self) -> bool {
+        true
     }
 
     fn series(&self) -> &'static [Series] {

@@ -89,7 +89,12 @@ fn speeds(
         .collect();
     let (slow, fast) = (quantile(moving.clone(), 0.2)?, quantile(moving, 0.9)?);
     let finding = if fast < SPEEDS * slow {
-        let what = format!("moves at one speed only, from {slow:.4} to {fast:.4} rad/s");
+        let side = match signal {
+            Signal::MotorPositionRad => "motor",
+            _ => "joint",
+        };
+        let what =
+            format!("moves at one speed only, from {slow:.4} to {fast:.4} rad/s at the {side}");
         Finding::warning(FindingKind::OneSpeed, what)
             .decided_by(fast / slow)
             .remedy("record several speeds: how friction changes with speed cannot be told")
