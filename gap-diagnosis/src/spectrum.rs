@@ -11,8 +11,9 @@ use crate::twin::Row;
 const CYCLES: [f64; 2] = [0.5, 24.0];
 /// Periods of the slowest one within the recorded range: fewer are a shape over position that anything may have.
 const PERIODS_MIN: f64 = 4.0;
-/// The same where a multiple of it is known to repeat: what comes twice a turn mostly comes once too.
-const PERIODS_MIN_BELOW: f64 = 2.0;
+/// The same of a whole number of cycles that a peak is at, as of what repeats with a shaft, or of which a multiple is known to
+/// repeat: what comes twice a turn mostly comes once too.
+const PERIODS_MIN_WHOLE: f64 = 2.0;
 /// Steps between two numbers of cycles that the range can tell apart.
 const OVERSAMPLING: f64 = 3.0;
 /// Of the fastest speed; slower is as good as standing.
@@ -95,14 +96,16 @@ pub fn matrix(columns: &[Vec<f64>], rows: usize) -> DMatrix<f64> {
 }
 
 /// Cycles per motor turn at which a gain peaks above `GAIN_MIN`, the highest first, as far as the rows' range of angles tells
-/// them apart and below `most`.
+/// them apart and below `most`. Of less than four periods only what is a whole number of cycles and has the most gain of all: a
+/// smooth shape has more the fewer the cycles, and small peaks beside.
 pub fn peaks(rows: &[&Row], most: f64, gain: impl Fn(f64) -> f64 + Sync, count: usize) -> Vec<f64> {
     let angles = || rows.iter().map(|row| row.motor_angle_rad);
     let (low, high) = angles().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
         (low.min(x), high.max(x))
     });
     let turns = (high - low) / TAU;
-    let lowest = CYCLES[0].max(PERIODS_MIN / turns.max(1e-9));
+    let least = |periods: f64| CYCLES[0].max(periods / turns.max(1e-9));
+    let lowest = least(PERIODS_MIN_WHOLE);
     let highest = CYCLES[1].min(most);
     let step = (1.0 / (OVERSAMPLING * turns.max(1e-9))).max((highest - lowest) / TRIED_MAX as f64);
     if lowest >= highest || rows.len() < 20 {
@@ -115,11 +118,15 @@ pub fn peaks(rows: &[&Row], most: f64, gain: impl Fn(f64) -> f64 + Sync, count: 
         .collect();
     let mut found: Vec<(f64, f64)> = (0..tried)
         .filter(|&k| {
-            let before = k.checked_sub(1).map_or(0.0, |k| gains[k]);
+            let before = k.checked_sub(1).map_or(f64::INFINITY, |k| gains[k]);
             let after = gains.get(k + 1).copied().unwrap_or(0.0);
             gains[k] > GAIN_MIN.max(before) && gains[k] >= after
         })
         .map(|k| (settled(lowest + k as f64 * step, turns), gains[k]))
+        .filter(|(cycles, gain)| {
+            let is_most = || gains.iter().all(|other| other <= gain);
+            *cycles >= least(PERIODS_MIN) || cycles.fract() == 0.0 && is_most()
+        })
         .collect();
     found.sort_by(|a, b| b.1.total_cmp(&a.1));
     found
@@ -132,7 +139,7 @@ pub fn peaks(rows: &[&Row], most: f64, gain: impl Fn(f64) -> f64 + Sync, count: 
 /// Cycles per motor turn that are too few for [`peaks`] and worth a look, because these many are known to repeat: whole
 /// parts of a whole number.
 pub fn below(known: impl IntoIterator<Item = f64>, turns: f64) -> Vec<f64> {
-    let range = PERIODS_MIN_BELOW / turns..PERIODS_MIN / turns;
+    let range = PERIODS_MIN_WHOLE / turns..PERIODS_MIN / turns;
     let mut found = Vec::new();
     for cycles in known.into_iter().filter(|cycles| cycles.fract() == 0.0) {
         let parts = (2..=cycles as u32).map(|divisor| cycles / f64::from(divisor));
@@ -214,6 +221,36 @@ mod tests {
                 .iter()
                 .all(|cycles| *cycles <= 2.0)
         );
+    }
+
+    #[test]
+    fn two_or_three_periods_are_a_peak_where_a_shaft_may_repeat_them() {
+        // two and a half turns of the motor
+        let angle_rad = |k: usize| 0.5 * 2.5 * TAU * (k as f64 * 0.01).sin();
+        let rows: Vec<Row> = (0..2000)
+            .map(|k| Row {
+                motor_angle_rad: angle_rad(k),
+                ..Row::at_rest(k as f64 * 0.01)
+            })
+            .collect();
+        let all: Vec<&Row> = rows.iter().collect();
+        let found = |shape: fn(f64) -> f64| {
+            let column = |of: &dyn Fn(f64) -> f64| -> Vec<f64> {
+                rows.iter().map(|row| of(row.motor_angle_rad)).collect()
+            };
+            let beside = Beside::new(&[column(&|_| 1.0)], &column(&shape));
+            let gain = |cycles: f64| {
+                let [sin, cos] = [f64::sin, f64::cos].map(|of| column(&|x| of(cycles * x)));
+                beside.gain(&sin, &cos)
+            };
+            let peaks = peaks(&all, f64::INFINITY, gain, 2).into_iter();
+            // of fewer than four periods
+            peaks.filter(|cycles| *cycles < 1.6).collect::<Vec<f64>>()
+        };
+        assert_eq!(found(|x| (x + 0.7).sin()), [1.0]);
+        // no whole number, and a shape that goes with position
+        assert!(found(|x| (1.5 * x).sin()).is_empty());
+        assert!(found(|x| 0.1 * x * x + 0.3 * x).is_empty());
     }
 
     #[test]
