@@ -64,7 +64,10 @@ pub(crate) fn check(robot: &Robot, recording: &Recording) -> Option<Finding> {
         each.into_iter().filter_map(move |(columns, after)| {
             let after = after?;
             let gain = gain(before, &after)?;
-            Some(Exchange {
+            // with a part exchanged an arm whose torques nothing carries may fit less badly by chance
+            let is_right = pair.iter().all(|joint| after[*joint] < OWN);
+            let is_believed = columns == Columns::All || is_right;
+            is_believed.then_some(Exchange {
                 pair,
                 columns,
                 gain,
