@@ -107,6 +107,12 @@ pub fn peaks(rows: &[&Row], most: f64, gain: impl Fn(f64) -> f64 + Sync, count: 
     let least = |periods: f64| CYCLES[0].max(periods / turns.max(1e-9));
     let lowest = least(PERIODS_MIN_WHOLE);
     let highest = CYCLES[1].min(most);
+    // where the range ends at few periods what is slower has more, and the end is no peak
+    let before_lowest = if lowest < least(PERIODS_MIN) {
+        f64::INFINITY
+    } else {
+        0.0
+    };
     let step = (1.0 / (OVERSAMPLING * turns.max(1e-9))).max((highest - lowest) / TRIED_MAX as f64);
     if lowest >= highest || rows.len() < 20 {
         return Vec::new();
@@ -118,7 +124,7 @@ pub fn peaks(rows: &[&Row], most: f64, gain: impl Fn(f64) -> f64 + Sync, count: 
         .collect();
     let mut found: Vec<(f64, f64)> = (0..tried)
         .filter(|&k| {
-            let before = k.checked_sub(1).map_or(f64::INFINITY, |k| gains[k]);
+            let before = k.checked_sub(1).map_or(before_lowest, |k| gains[k]);
             let after = gains.get(k + 1).copied().unwrap_or(0.0);
             gains[k] > GAIN_MIN.max(before) && gains[k] >= after
         })
