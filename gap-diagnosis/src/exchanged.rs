@@ -1,5 +1,5 @@
-//! Joints, or their torques, recorded under each other's names: the file's masses carry less of what they are said to carry than of what the other
-//! is.
+//! Joints, their torques or their positions, recorded under each other's names: the file's masses carry less of what they are said
+//! to carry than of what the other is.
 //!
 //! Friction and the gap that is looked for are no reason to think so: only what the rigid bodies do along the whole arm's motion
 //! tells one joint from another, and an exchange must make that right for both at once.

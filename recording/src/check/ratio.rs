@@ -65,12 +65,10 @@ fn one_turn(joint: &JointColumns, of: OffByOne, seen: &Scales) -> Finding {
         "{}: {held}; an encoder {off_centre_mrad:.1} mrad off its centre would look the same over so short a way",
         finding.what
     );
-    let severity = Severity::Warning;
-    let remedy = format!("make sure of gear_ratio, else {}", finding.remedy);
     Finding {
         what,
-        severity,
-        remedy,
+        severity: Severity::Warning,
+        remedy: "make sure of gear_ratio in the robot file".to_owned(),
         ..finding
     }
 }
@@ -78,8 +76,8 @@ fn one_turn(joint: &JointColumns, of: OffByOne, seen: &Scales) -> Finding {
 /// Whether both encoders show one turn more or one less than the robot file tells.
 ///
 /// What else tilts the line between them is taken off: windup of the file's stiffness under the torque, less what friction and the
-/// rotor take of it (by direction, velocity, acceleration), and lost motion by the direction. An encoder that is off its centre tilts it too, and
-/// bends it: over a short way that leaves the ratio unsure.
+/// rotor take of it (by direction, velocity, acceleration), and lost motion by the direction. An encoder that is off its centre
+/// tilts it too, and bends it: over a short way that leaves the ratio unsure.
 fn off_by_one(recording: &Recording, joint: &JointColumns, robot: &CheckJoint) -> Option<OffByOne> {
     /// Standard errors. Neighbouring blocks are not independent, so far above the usual.
     const CERTAIN: f64 = 8.0;
