@@ -57,6 +57,8 @@ fn check_joint(joint: &RobotJoint) -> CheckJoint {
     }
 }
 
+/// A vibration that outpaces the joint's motion in this part of the rows is told.
+const VIBRATES: f64 = 0.2;
 /// Of the motion of a joint, in words.
 pub(crate) const ONE_FREQUENCY: &str = "one frequency only";
 
@@ -128,6 +130,23 @@ impl Checked {
             })
             .collect()
     }
+}
+
+/// That a joint vibrates, where that outpaces its own motion for long.
+pub(crate) fn vibration(joint: &str, search: &Search<'_>) -> Option<DataFinding> {
+    let swing = search.twin.swing()?;
+    (swing.share > VIBRATES).then(|| DataFinding {
+        joint: Some(joint.to_owned()),
+        severity: "warning".to_owned(),
+        what: format!(
+            "vibrates at about {:.0} Hz by {:.2} mrad at the joint, faster than it moves, in {:.0} % of the rows; what friction does \
+             meanwhile counts little",
+            swing.frequency_hz,
+            1e3 * swing.amplitude_rad,
+            100.0 * swing.share,
+        ),
+        remedy: "record with a controller of lower gains".to_owned(),
+    })
 }
 
 /// That a joint's two encoders do not show the same angle at the same instant, as a fit found.

@@ -164,6 +164,7 @@ pub fn diagnose(
                 };
                 let mut findings: Vec<DataFinding> =
                     repeated.floor(name, search).into_iter().collect();
+                findings.extend(data::vibration(name, search));
                 if told.poverty.is_none() {
                     // at one speed a delay and a zero are the same, and neither would be known to be off
                     findings.extend(data::encoders(name, search, &explanation.refined));

@@ -4,6 +4,7 @@ use std::convert::Infallible;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use joint_model::filter::FilterError;
+use joint_model::friction::Sliding;
 use nalgebra::{Unit, Vector3};
 use rand_core::{RngCore, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -21,7 +22,7 @@ use crate::search::SLOWEST_LOOP_HZ;
 use crate::simulate::{Between, Feedback, Noise, Substeps, Trace, simulate};
 use crate::smooth::derivative;
 use crate::stretch::{JointStretch, Stretch};
-use crate::vibration;
+use crate::vibration::{Swing, Vibration};
 use crate::whole_arm::WholeArm;
 
 /// The beginning of a stretch does not count: nobody knows how far friction and gear were wound up.
@@ -63,8 +64,12 @@ pub struct Row {
     pub inertial_nm: f64,
     /// Largest torque that nobody can know of how the other joints' links swing where no encoder shows it.
     pub unseen_nm: f64,
-    /// Torque that swings the rotor above the band, beyond what is usual of the recording.
+    /// Torque that swings the rotor above the band, beyond what is usual of the recording or beyond its friction, whichever is more.
     pub vibrating_nm: f64,
+    /// Dry friction, without load and by the robot file, that such a swing takes off a slower motion.
+    pub shaken_nm: f64,
+    /// How far dry friction falls, without load and by the robot file, because the joint gets faster within what the low-pass sees.
+    pub falling_nm: f64,
     /// Largest torque that the drive may have made between two samples beside what a line from one to the other tells, where they come
     /// more slowly than any loop.
     pub aliased_nm: f64,
@@ -140,7 +145,7 @@ struct Piece<'a> {
     /// Loads that changes made of the recorded motion's.
     loads: Remembered<Changes, Arc<Load>>,
     /// Of the motor above the band, beyond what is usual.
-    vibration_rad_s2: Vec<f64>,
+    vibration: Vibration,
     /// Of the thinned samples, those that count.
     kept: Vec<usize>,
 }
@@ -285,6 +290,15 @@ impl<'a> JointTwin<'a> {
                 once.repeat(self.channels.len())
             })
             .collect()
+    }
+
+    /// How the rotor swings above what is compared, where that outpaces the joint's motion.
+    pub(crate) fn swing(&self) -> Option<Swing> {
+        let samples = self.pieces.iter().flat_map(|piece| {
+            let kept = piece.kept.iter().map(|row| row * piece.band.stride());
+            kept.map(|k| (&piece.vibration, k, piece.joint.load.velocity_rad_s[k]))
+        });
+        Swing::of(samples, self.nominal.presliding_rad)
     }
 
     /// Above this nothing is compared.
@@ -482,8 +496,13 @@ impl<'a> Piece<'a> {
                 (first..end).contains(&sample) && signals.is_whole[around].iter().all(|w| *w)
             })
             .collect();
-        let vibration_rad_s2 = vibration::beyond_usual_rad_s2(
+        let file = &robot.joints[joint];
+        let step_rad = file.motor_encoder_resolution_rad.unwrap_or(0.0);
+        // a rounded value is anywhere within its step
+        let noise_rad = file.position_noise_rad.hypot(step_rad / 12.0_f64.sqrt());
+        let vibration = Vibration::of(
             &signals.drive.motor_rad,
+            noise_rad / file.gear_ratio,
             band.cutoff_hz,
             stretch.rate_hz,
         )?;
@@ -498,7 +517,7 @@ impl<'a> Piece<'a> {
             controller,
             band,
             links,
-            vibration_rad_s2,
+            vibration,
             kept,
         })
     }
@@ -516,6 +535,29 @@ fn largest_around(values: &[f64], k: usize, around: usize) -> f64 {
         .iter()
         .map(|value| value.abs())
         .fold(0.0, f64::max)
+}
+
+/// Torque that swings the rotor: what is unusual of it, or more than dry friction where the robot file tells any.
+fn vibrating_nm(vibration: &Vibration, nominal: &JointModel, dry_nm: f64, k: usize) -> f64 {
+    let inertia_kg_m2 = nominal.rotor_inertia_kg_m2;
+    let unusual_nm = inertia_kg_m2 * vibration.unusual_rad_s2[k];
+    if dry_nm > 0.0 {
+        unusual_nm.max(inertia_kg_m2 * vibration.acceleration_rad_s2[k] - dry_nm)
+    } else {
+        unusual_nm
+    }
+}
+
+/// How much less a friction is at the fastest velocity near a sample than at the slowest.
+fn fall_around(velocity_rad_s: &[f64], level_nm: &[f64], k: usize, around: usize) -> f64 {
+    let near = k.saturating_sub(around)..(k + around + 1).min(velocity_rad_s.len());
+    let speed = |k: &usize| velocity_rad_s[*k].abs();
+    let slowest = near.clone().min_by(|a, b| speed(a).total_cmp(&speed(b)));
+    let fastest = near.max_by(|a, b| speed(a).total_cmp(&speed(b)));
+    match (slowest, fastest) {
+        (Some(slowest), Some(fastest)) => (level_nm[slowest] - level_nm[fastest]).max(0.0),
+        _ => 0.0,
+    }
 }
 
 /// How far the drive's torque may be off the lines between its samples, sample by sample: nothing where each lasts until the next, or
@@ -559,6 +601,11 @@ fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointModel) -> Vec
             })
             .collect();
         let aliased_nm = aliased_nm(piece.joint, nominal);
+        let unloaded_nm: Vec<f64> = load
+            .velocity_rad_s
+            .iter()
+            .map(|velocity_rad_s| nominal.friction.level_nm(&Sliding::at(*velocity_rad_s)))
+            .collect();
         let beating = |channel: Channel, k: usize| {
             let velocity_rad_s = load.velocity_rad_s[k];
             let of = |step_rad: f64, noise_rad: f64| {
@@ -599,7 +646,14 @@ fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointModel) -> Vec
                     motor_angle_rad: nominal.gear_ratio * drive.motor_rad[k],
                     inertial_nm: largest_around(&moving_nm, k, around),
                     unseen_nm: largest_around(&piece.joint.unseen_nm, k, around),
-                    vibrating_nm: nominal.rotor_inertia_kg_m2 * piece.vibration_rad_s2[k],
+                    vibrating_nm: vibrating_nm(&piece.vibration, nominal, unloaded_nm[k], k),
+                    shaken_nm: unloaded_nm[k]
+                        * piece.vibration.shaken_off(
+                            k,
+                            load.velocity_rad_s[k],
+                            nominal.presliding_rad,
+                        ),
+                    falling_nm: fall_around(&load.velocity_rad_s, &unloaded_nm, k, around),
                     aliased_nm: largest_around(&aliased_nm, k, around),
                     beating_nm: beating(channel, k),
                 }
@@ -625,6 +679,8 @@ impl Row {
             inertial_nm: 0.0,
             unseen_nm: 0.0,
             vibrating_nm: 0.0,
+            shaken_nm: 0.0,
+            falling_nm: 0.0,
             aliased_nm: 0.0,
             beating_nm: 0.0,
         }
@@ -666,6 +722,20 @@ impl Noise for Sensors {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn friction_falls_as_far_as_the_joint_gets_faster_near_a_sample() {
+        // Stribeck's: 2 Nm at rest, 1 Nm beyond 0.1 rad/s
+        let level_nm = |velocity_rad_s: f64| 1.0 + (1.0 - 10.0 * velocity_rad_s.abs()).max(0.0);
+        let velocity_rad_s: Vec<f64> = (0..100).map(|k| 0.01 * f64::from(k) - 0.2).collect();
+        let levels_nm: Vec<f64> = velocity_rad_s.iter().map(|v| level_nm(*v)).collect();
+        let fall_nm = |k: usize| fall_around(&velocity_rad_s, &levels_nm, k, 5);
+        assert!((fall_nm(20) - 0.5).abs() < 1e-9, "{}", fall_nm(20));
+        assert_eq!(fall_nm(80), 0.0);
+        // what rises does not fall
+        let rising_nm: Vec<f64> = levels_nm.iter().map(|level| -level).collect();
+        assert_eq!(fall_around(&velocity_rad_s, &rising_nm, 20, 5), 0.0);
+    }
 
     #[test]
     fn a_torque_between_two_samples_is_in_doubt_where_it_bends() {

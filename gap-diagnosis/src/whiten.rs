@@ -63,6 +63,11 @@ const INERTIAL: f64 = 0.02;
 const UNSEEN: f64 = 2.0;
 /// Of the torque that swings the rotor above the band, friction within it is off by this part.
 const VIBRATING: f64 = 0.2;
+/// Of friction that a swing above the band takes off a slower motion, this part is in doubt: the twin swings otherwise.
+const SHAKEN: f64 = 1.0;
+/// Of friction that falls as the joint gets faster, this part does so earlier or later: a gear that sticks and slips does it so quickly
+/// that how it lets go decides, which no law of steady motion tells.
+const FALLING: f64 = 0.3;
 /// Slower than this part of the fastest is as good as standing, unless the joint has gone so far as slowly: by then its friction is
 /// as much law as a quick joint's. Who only passes through, before or after a turn, has not.
 const STANDING: f64 = 0.03;
@@ -97,12 +102,16 @@ fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor)
             let unseen = UNSEEN * row.unseen_nm / deviation_nm;
             let aliased = row.aliased_nm / deviation_nm;
             let swings = VIBRATING * row.vibrating_nm / deviation_nm;
+            let shaken = SHAKEN * row.shaken_nm / deviation_nm;
+            let falls = FALLING * row.falling_nm / deviation_nm;
             // a beat is as quick as noise
             let beating = row.beating_nm / quick_nm.max(1e-12);
-            let less = (REVERSAL * near).powi(2)
+            // both are of how friction lets go
+            let less = (REVERSAL * near).max(falls).powi(2)
                 + hard * hard
                 + unseen * unseen
                 + swings * swings
+                + shaken * shaken
                 + aliased * aliased
                 + beating * beating;
             *weight = 1.0 / (1.0 + less).sqrt();
@@ -263,6 +272,30 @@ mod tests {
         assert!((left - 0.36).abs() < 1e-9, "{left}");
         assert!((found[0] - 0.8).abs() < 1e-9, "{found:?}");
         assert!(found[1].abs() < 1e-9 && found[2].abs() < 1e-9, "{found:?}");
+    }
+
+    #[test]
+    fn where_friction_falls_by_more_than_a_reversal_shakes_it_less_counts() {
+        let floor = |_: &Row| Floor {
+            quick_nm: 1.0,
+            ..Floor::default()
+        };
+        let weight = |falling_nm: f64, at_s: f64| {
+            let rows: Vec<Row> = (0..600)
+                .map(|k| Row {
+                    velocity_rad_s: if k < 300 { -1.0 } else { 1.0 },
+                    falling_nm,
+                    ..Row::at_rest(0.01 * f64::from(k))
+                })
+                .collect();
+            Whitener::new(&rows, floor).weight((100.0 * at_s) as usize)
+        };
+        let far_s = 1.5;
+        assert!(weight(0.1, far_s) > 0.99 && weight(10.0, far_s) < 0.4);
+        // at the reversal it is what that does already
+        let turn_s = 3.0;
+        assert_eq!(weight(10.0, turn_s), weight(0.0, turn_s));
+        assert!(weight(100.0, turn_s) < 0.6 * weight(0.0, turn_s));
     }
 
     #[test]
