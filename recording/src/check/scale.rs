@@ -84,9 +84,15 @@ impl Scales {
                 && scatter(joint, wrong.against, wrong.signal)
                     > STRAIGHT * (wrong.measured - 1.0).abs()
         };
+        // one way, a weak controller lets gravity carry the joint on in proportion, and both encoders show the same of it
+        let is_carried = |wrong: &Wrong| {
+            wrong.meaning.kind == FindingKind::WrongScale
+                && wrong.signal == Signal::ReferencePositionRad
+                && !values(joint, wrong.signal).is_some_and(goes_back)
+        };
         let positions = positions
             .into_iter()
-            .filter(|wrong| !is_in_its_unit(wrong) && !lags(wrong))
+            .filter(|wrong| !is_in_its_unit(wrong) && !lags(wrong) && !is_carried(wrong))
             .collect();
         let mut scales = Self {
             gear_ratio,
