@@ -63,8 +63,6 @@ const INERTIAL: f64 = 0.02;
 const UNSEEN: f64 = 2.0;
 /// Of the torque that swings the rotor above the band, friction within it is off by this part.
 const VIBRATING: f64 = 0.2;
-/// Of friction that a swing above the band takes off a slower motion, this part is in doubt: the twin swings otherwise.
-const SHAKEN: f64 = 1.0;
 /// Of friction that falls as the joint gets faster, this part does so earlier or later: a gear that sticks and slips does it so quickly
 /// that how it lets go decides, which no law of steady motion tells.
 const FALLING: f64 = 0.3;
@@ -102,7 +100,8 @@ fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor)
             let unseen = UNSEEN * row.unseen_nm / deviation_nm;
             let aliased = row.aliased_nm / deviation_nm;
             let swings = VIBRATING * row.vibrating_nm / deviation_nm;
-            let shaken = SHAKEN * row.shaken_nm / deviation_nm;
+            // all of it: the twin swings otherwise
+            let shaken = row.shaken_nm / deviation_nm;
             let falls = FALLING * row.falling_nm / deviation_nm;
             // a beat is as quick as noise
             let beating = row.beating_nm / quick_nm.max(1e-12);
