@@ -95,7 +95,8 @@ fn put_later(joint: &mut JointColumns, runs: &[Range<usize>], rows: usize) {
     }
 }
 
-fn blank_repeats(joint: &mut JointColumns) {
+/// Leaves no measured value in rows that repeat the row before.
+pub(crate) fn blank_repeats(joint: &mut JointColumns) {
     let measured: Vec<&Vec<f64>> = MEASURED
         .iter()
         .filter_map(|signal| joint.signals.get(signal))

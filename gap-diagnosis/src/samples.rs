@@ -8,6 +8,7 @@ use crate::control::is_slower_than_loop;
 use crate::follow::{Response, slow_drive};
 use crate::found::{Found, ROWS_MIN};
 use crate::lost::{LeftOut, left_out};
+use crate::mend::blank_repeats;
 use crate::timing::{Timing, columns};
 
 /// A position that stays although the joint should have moved by so many steps of its encoder was not measured.
@@ -40,24 +41,25 @@ pub(crate) fn find(recordings: &[&Recording], joint: &RobotJoint, timing: &Timin
     let delay_cycles = control.map_or(1, |control| control.delay_cycles as usize);
     let lost = lost_samples(&columns, joint);
     let lacks_commands = control.is_some_and(|control| is_slower_than_loop(control, rate_hz));
-    let (left_out, slow) = match lost {
-        // a torque that was not measured anew tells nothing of its command
-        Some(_) => (None, Vec::new()),
-        None if lacks_commands => (None, Vec::new()),
-        None => {
-            let told_rows = timing.told_rows();
-            let responses = Response::all(&columns, period_s);
-            let left_out = left_out(&columns, &responses, told_rows);
-            let slow = match left_out {
-                // commands that are left out come later, as from a slow loop
-                Some(left_out) => late(&left_out, told_rows, period_s)
-                    .filter(|_| timing.is_told)
-                    .into_iter()
-                    .collect(),
-                None => slow_drive(&responses, timing.is_told.then_some(delay_cycles)),
-            };
-            (left_out.map(lost_commands), slow)
-        }
+    let told_cycles = timing.is_told.then_some(delay_cycles);
+    let (left_out, slow) = if lacks_commands {
+        (None, Vec::new())
+    } else if lost.is_some() {
+        // nothing tells whether the drive left out commands too
+        (None, slow_where_measured(&columns, period_s, told_cycles))
+    } else {
+        let told_rows = timing.told_rows();
+        let responses = Response::all(&columns, period_s);
+        let left_out = left_out(&columns, &responses, told_rows);
+        let slow = match left_out {
+            // commands that are left out come later, as from a slow loop
+            Some(left_out) => late(&left_out, told_rows, period_s)
+                .filter(|_| timing.is_told)
+                .into_iter()
+                .collect(),
+            None => slow_drive(&responses, told_cycles),
+        };
+        (left_out.map(lost_commands), slow)
     };
     let found = [
         lost,
@@ -81,6 +83,17 @@ pub(crate) fn find(recordings: &[&Recording], joint: &RobotJoint, timing: &Timin
             .and_then(|control| slow_velocity(&columns, rate_hz, lag_of_filter_s(control))),
     ];
     found.into_iter().flatten().chain(slow).collect()
+}
+
+/// Lag and delay of a drive some of whose torques were not measured anew: those tell nothing of their commands.
+fn slow_where_measured(
+    columns: &[JointColumns],
+    period_s: f64,
+    told_cycles: Option<usize>,
+) -> Vec<Found> {
+    let mut measured = columns.to_vec();
+    measured.iter_mut().for_each(blank_repeats);
+    slow_drive(&Response::all(&measured, period_s), told_cycles)
 }
 
 /// A part of many, with its standard error; none where there are too few.
@@ -406,6 +419,37 @@ mod tests {
         // told, it is no fault
         let told_s = 1.0 / (std::f64::consts::TAU * cutoff_hz);
         assert_eq!(slow_velocity(&[joint], 1000.0, told_s), None);
+    }
+
+    #[test]
+    fn a_late_drive_shows_between_lost_samples() {
+        let command_nm = command();
+        let mut torque_nm = vec![0.0; command_nm.len()];
+        torque_nm[11..].copy_from_slice(&command_nm[..command_nm.len() - 11]);
+        let mut position_rad: Vec<f64> = (0..command_nm.len()).map(wave).collect();
+        for k in 1..command_nm.len() {
+            // three rows of ten, in no order
+            if k * k % 101 % 10 < 3 {
+                torque_nm[k] = torque_nm[k - 1];
+                position_rad[k] = position_rad[k - 1];
+            }
+        }
+        let joint = columns(vec![
+            (Signal::CommandTorqueNm, command_nm),
+            (Signal::MotorTorqueNm, torque_nm),
+            (Signal::MotorPositionRad, position_rad),
+        ]);
+        let found = slow_where_measured(&[joint], 1e-3, Some(0));
+        let [
+            Found {
+                effect: Effect::CommandDelay { delay_s },
+                ..
+            },
+        ] = found[..]
+        else {
+            panic!("{found:?}");
+        };
+        assert!((delay_s / 0.01 - 1.0).abs() < 0.02, "{delay_s}");
     }
 
     #[test]
