@@ -124,6 +124,12 @@ impl Search<'_> {
                 cycles.push(found);
             }
         }
+        let named = model.terms.iter().map(|term| &term.hypothesis);
+        for found in named.flat_map(Hypothesis::harmonics) {
+            if !cycles.contains(&found) {
+                cycles.push(found);
+            }
+        }
         let most = most_seen(rows, self.scale.gear_ratio, 1.0 / self.scale.period_s);
         for channel in [Channel::Motor, Channel::Torsion] {
             let (whitener, places) = self.whitener.only(rows, channel);

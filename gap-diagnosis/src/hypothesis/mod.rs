@@ -192,6 +192,14 @@ impl Hypothesis {
         self.is_periodic() && self.form == other.form && !self.form.has_harmonics()
     }
 
+    /// Numbers of cycles a turn at which it may repeat beside its own.
+    pub fn harmonics(&self) -> Vec<f64> {
+        match self.shape.first() {
+            Some(cycles) if self.form.has_harmonics() => vec![2.0 * cycles, 3.0 * cycles],
+            _ => Vec::new(),
+        }
+    }
+
     /// Whether its torque follows load, direction or time, and changes with nothing quicker.
     pub fn is_slow(&self) -> bool {
         self.form.is_slow()
@@ -331,6 +339,10 @@ pub(crate) mod tests {
             assert_eq!(one.repeats(other), one.effect != "kinematic_error");
         }
         assert!(!once[0].repeats(&twice[2]));
+        for of in &twice {
+            let is_kinematic = of.effect == "kinematic_error";
+            assert_eq!(of.harmonics() == [4.0, 6.0], is_kinematic, "{of:?}");
+        }
         let plain = plain(&scale(), ARM);
         let mut others = plain.iter().filter(|one| !one.is_periodic());
         assert!(!others.any(|one| one.repeats(one)));
