@@ -52,10 +52,6 @@ const DECISIVE_NATS: f64 = 30.0;
 /// than another's.
 pub(crate) const SAME_TORQUE: [&str; 2] = ["torque_offset", "asymmetric_friction"];
 
-/// Nats by which one of them, both simulated, must leave less for the two not to share their evidence. Of twelve asymmetric frictions
-/// none was taken for an offset by more than 1.9, of twelve offsets the other way none by more than 0.1.
-const APART_NATS: f64 = 3.0;
-
 /// What an explanation is worth that explains nothing.
 const NOTHING: f64 = -1e9;
 
@@ -67,7 +63,7 @@ pub struct Standings {
 }
 
 /// What a simulated fit leaves.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Left {
     /// Whitened squares of the residual.
     pub square: f64,
@@ -297,7 +293,7 @@ pub fn standings(ranking: &Ranking) -> Standings {
         }
     }
     let mut standings = Standings { effects };
-    standings.level(ranking, false);
+    standings.level(ranking);
     standings
 }
 
@@ -305,26 +301,15 @@ fn is_same_torque(ranking: &Ranking, index: usize) -> bool {
     SAME_TORQUE.contains(&ranking.scored[index].hypothesis.effect)
 }
 
-/// What both of two effects are worth that add the same torque: the better one's evidence, unless simulated fits tell them apart by
-/// more than a twin's friction at rest may be wrong about.
-fn shared_nats(both: &[f64], are_simulated: bool) -> Option<f64> {
-    let most = both.iter().copied().reduce(f64::max)?;
-    let least = both.iter().copied().reduce(f64::min)?;
-    (!are_simulated || most - least <= APART_NATS).then_some(most)
-}
-
 impl Standings {
-    /// Gives both of what nothing tells apart the evidence of the better one.
-    fn level(&mut self, ranking: &Ranking, are_simulated: bool) {
-        let is_one = |index: usize| is_same_torque(ranking, index);
-        let both = self.effects.iter().filter(|(index, _)| is_one(*index));
-        let both: Vec<f64> = both.map(|(_, nats)| *nats).collect();
-        let Some(shared) = shared_nats(&both, are_simulated) else {
-            return;
-        };
+    /// Gives both of what adds the same torque the evidence of the better one: responses in proportion say nothing of a joint at rest,
+    /// where alone they part.
+    fn level(&mut self, ranking: &Ranking) {
+        let mut most: Option<f64> = None;
         for (index, nats) in &mut self.effects {
-            if is_one(*index) {
-                *nats = shared;
+            if is_same_torque(ranking, *index) {
+                // the better one comes first
+                *nats = *most.get_or_insert(*nats);
             }
         }
         self.effects.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -419,11 +404,13 @@ impl Standings {
                 None => *nats,
             };
         }
+        self.effects.sort_by(|a, b| b.1.total_cmp(&a.1));
         let both = simulated
             .iter()
             .filter(|(index, ..)| is_same_torque(ranking, *index));
-        let are_simulated = both.count() == SAME_TORQUE.len();
-        self.level(ranking, are_simulated);
+        if both.count() < SAME_TORQUE.len() {
+            self.level(ranking);
+        }
     }
 
     /// Of each effect and `none`; most probable first.
@@ -607,15 +594,6 @@ mod tests {
         assert!(most_worth(square, naming(2) + AT_REVERSALS) < 0.0);
         // nor does it leap to anything where other sizes are no longer in doubt
         assert!(most_worth(5.5 * 5.5, naming(2) + AT_REVERSALS) < 0.0);
-    }
-
-    #[test]
-    fn what_adds_the_same_torque_shares_its_evidence_until_simulated_fits_tell_it_apart() {
-        assert_eq!(shared_nats(&[40.0, 38.5], true), Some(40.0));
-        assert_eq!(shared_nats(&[40.0, 32.0], true), None);
-        // responses in proportion say nothing of a joint at rest
-        assert_eq!(shared_nats(&[40.0, 32.0], false), Some(40.0));
-        assert_eq!(shared_nats(&[], false), None);
     }
 
     #[test]
