@@ -4,10 +4,10 @@ use joint_model::filter::FilterError;
 use rayon::prelude::*;
 
 use crate::evidence::{
-    Remains, cost_in_file, most_left, remains, together, unknown_probability, variance_of,
+    Left, Remains, cost_in_file, most_left, remains, together, unknown_probability, variance_of,
 };
 use crate::hypothesis::{Hypothesis, giving};
-use crate::judge::shrink_alone;
+use crate::judge::{shrink_alone, shrink_of};
 use crate::observe::Channel;
 use crate::rank::Round;
 use crate::refine::Refined;
@@ -25,6 +25,8 @@ const PAIRS_OF: usize = 8;
 const PAIRS: usize = 3;
 /// Sizes from which an effect of twist is fitted anew.
 const STARTS: usize = 2;
+/// Nats behind what was found within which the best of other starts is fitted again, with responses found where it ended.
+const BEHIND_NATS: f64 = 100.0;
 /// Nats that a second or third effect must be worth, and part of the first one's up to some nats: no law is exact.
 const FURTHER_NATS: f64 = 6.0;
 const FURTHER_PART: f64 = 0.01;
@@ -34,8 +36,8 @@ const COMPANION_PART: f64 = 0.05;
 /// Nats that an effect must be worth that only another start finds where nothing was named: of so many starts one ends by chance
 /// where it takes a little off.
 const ANEW_NATS: f64 = 30.0;
-/// Shrink below which an effect alone makes the gap larger.
-const WORSE_ALONE: f64 = -0.05;
+/// Shrink below which effects make the gap larger.
+const WORSE: f64 = -0.05;
 /// Part of what names take off that a vibration takes off without any known value refitted: then it is the simpler cause.
 const AS_MUCH: f64 = 0.9;
 /// The same for any smooth torque, where one name stands for several numbers of cycles: those are then terms of its series.
@@ -81,8 +83,8 @@ impl Explanation {
     }
 
     /// Whether the names only imitate something else: they leave most of it, or a steady vibration takes off as much, or a smooth
-    /// torque does, where they leave something or are terms of its series.
-    fn is_imitation(&self, search: &Search<'_>, first: &Step) -> bool {
+    /// torque does, where they leave something or are terms of its series, or the gap is larger with them.
+    fn is_imitation(&self, search: &Search<'_>, first: &Step) -> Result<bool, FilterError> {
         let part = if self.is_repeated() {
             AS_MUCH_OF_SERIES
         } else if self.remains() == Remains::Something {
@@ -91,9 +93,19 @@ impl Explanation {
             f64::INFINITY
         };
         let smooth_nats = most_left(&first.structure).map_or(0.0, |(_, nats)| nats);
-        self.remains() == Remains::Most
+        Ok(self.remains() == Remains::Most
             || search.vibration_gain(&first.base.residual_nm) > AS_MUCH * self.named_gain()
             || smooth_nats > part * self.named_gain()
+            || self.is_worse(search)?)
+    }
+
+    /// Whether the gap is larger with the names than as the robot file has it: squares may fall where rows count and rise where
+    /// they count little.
+    fn is_worse(&self, search: &Search<'_>) -> Result<bool, FilterError> {
+        let start = Model::of_settled(search, &self.refined.model.settled);
+        let before_nm = search.residual_nm(&start)?;
+        let shrink = shrink_of(search, &before_nm, &self.refined.residual_nm);
+        Ok(shrink < WORSE)
     }
 
     /// Whether one name stands for several numbers of cycles.
@@ -193,8 +205,9 @@ impl Beginning {
         let without = first.base.clone();
         growing.grow()?;
         growing.settle()?;
-        if is_gap && growing.may_have_missed(&without) {
-            growing.start_anew(first)?;
+        if is_gap {
+            let is_doubted = growing.may_have_missed(&without);
+            growing.start_anew(first, is_doubted)?;
         }
         let is_series = growing.drop_series()?;
         let named_gain = growing.named_gain(&without);
@@ -209,7 +222,7 @@ impl Beginning {
             settled_gain,
         };
         let is_named = explanation.named_gain() > 0.0;
-        if is_series && !is_named || is_named && explanation.is_imitation(search, first) {
+        if is_series && !is_named || is_named && explanation.is_imitation(search, first)? {
             return Ok(Explanation {
                 refined: without.clone(),
                 without,
@@ -268,7 +281,7 @@ impl Growing<'_, '_> {
             .map(|term| {
                 let shrink =
                     shrink_alone(self.search, &self.refined, &model.settled, term, &before_nm);
-                shrink < WORSE_ALONE
+                shrink < WORSE
             })
             .collect();
         let has_torque_sensor = self.search.twin.channels.contains(&Channel::Link);
@@ -331,11 +344,17 @@ impl Growing<'_, '_> {
             || is_beyond(self.search, &self.refined.residual_nm, WELL_EXPLAINED)
     }
 
-    /// Models of two effects at once, since the one that takes off most alone need not be one of the two that are there.
-    fn pairs(&self, first: &Step) -> Vec<Model> {
+    /// Models of two effects at once, since the one that takes off most alone need not be one of the two that are there: all that are
+    /// leading, or those only whose responses tell more than that of any one effect.
+    fn pairs(&self, first: &Step, must_lead: bool) -> Vec<Model> {
         let leading = first.standings.effects.iter().take(PAIRS_OF);
         let leading: Vec<usize> = leading.map(|(index, _)| *index).collect();
-        let pairs = first.round.pairs(&leading, PAIRS).into_iter();
+        let more = if must_lead {
+            FURTHER_NATS
+        } else {
+            f64::NEG_INFINITY
+        };
+        let pairs = first.round.pairs(&leading, PAIRS, more).into_iter();
         let models = pairs.map(|pair| {
             let mut model = first.base.model.clone();
             model.terms.extend(pair);
@@ -364,6 +383,7 @@ impl Growing<'_, '_> {
                     });
                 }
             }
+            terms.retain(|term| self.may_be_worth(first, term));
             if !terms.is_empty() {
                 for refined in [Some(&first.base), beside].into_iter().flatten() {
                     let starts = self.search.starts(refined, &terms)?;
@@ -374,8 +394,18 @@ impl Growing<'_, '_> {
         Ok(models)
     }
 
+    /// Whether an effect may be worth a name that only another start finds: it takes off no more than there is.
+    fn may_be_worth(&self, first: &Step, term: &Term) -> bool {
+        let ranking = &first.round.ranking;
+        let refined = &self.refined;
+        let left = self.search.left(&refined.model, &refined.residual_nm);
+        let least = Trust::of(ranking.joints).least;
+        let most = together(ranking, [left, Left::default()], least, [term]);
+        !self.added.is_empty() || most > ANEW_NATS
+    }
+
     /// Begins anew from elsewhere, and keeps what comes of it if it is worth more.
-    fn start_anew(&mut self, first: &Step) -> Result<(), FilterError> {
+    fn start_anew(&mut self, first: &Step, is_doubted: bool) -> Result<(), FilterError> {
         let search = self.search;
         let ranking = &first.round.ranking;
         let left = |refined: &Refined| search.left(&refined.model, &refined.residual_nm);
@@ -407,9 +437,13 @@ impl Growing<'_, '_> {
                 more as f64 * part.clamp(FURTHER_NATS, FURTHER_MOST_NATS)
             }
         };
-        let mut starts = self.twisted(first)?;
+        let mut starts = Vec::new();
+        if is_doubted {
+            starts = self.twisted(first)?;
+        }
         if !self.added.is_empty() || self.is_left(&first.base) {
-            starts.extend(self.pairs(first));
+            // beside an effect that nothing speaks against, two must look better from the start
+            starts.extend(self.pairs(first, !is_doubted));
         }
         let mut refined = starts
             .par_iter()
@@ -419,9 +453,14 @@ impl Growing<'_, '_> {
         let squares = refined.iter().map(|refined| left(refined).square);
         let variance = variance_of(ranking, squares.fold(left(&self.refined).square, f64::min));
         let most = |a: &Refined, b: &Refined| worth(a, variance).total_cmp(&worth(b, variance));
-        let Some(best) = refined.into_iter().max_by(most) else {
+        let Some(mut best) = refined.into_iter().max_by(most) else {
             return Ok(());
         };
+        let least = worth(&self.refined, variance) - BEHIND_NATS;
+        if worth(&best, variance) > least.max(0.0) {
+            let round = search.about(&first.round, &best.model)?;
+            best = search.refine(&round, &best.model)?;
+        }
         let more = if self.added.is_empty() {
             ANEW_NATS
         } else {

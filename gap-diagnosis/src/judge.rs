@@ -267,9 +267,14 @@ pub fn shrink_alone(
     let Ok(after_nm) = search.residual_nm(&alone) else {
         return 0.0;
     };
+    shrink_of(search, before_nm, &after_nm)
+}
+
+/// How far the motor's gap shrinks from one residual to another; 0 where there was none above the noise.
+pub(crate) fn shrink_of(search: &Search<'_>, before_nm: &[f64], after_nm: &[f64]) -> f64 {
     let noise = search.twin_floor_nm(Channel::Motor).powi(2);
     let [before, after] =
-        [before_nm, &after_nm].map(|r| Squares::of(search, r, Channel::Motor).mean());
+        [before_nm, after_nm].map(|r| Squares::of(search, r, Channel::Motor).mean());
     shrink(before, after, noise).unwrap_or(0.0)
 }
 

@@ -143,55 +143,32 @@ impl Round {
     }
 
     /// The two effects that explain most together, of `leading` and all others, by what fits of their responses leave: the
-    /// best `count` pairs, best first.
-    pub fn pairs(&self, leading: &[usize], count: usize) -> Vec<[Term; 2]> {
-        let known = self.linear.known.len();
+    /// best `count` pairs, best first, that are worth `more` nats than any effect alone.
+    pub fn pairs(&self, leading: &[usize], count: usize, more: f64) -> Vec<[Term; 2]> {
         let scored = &self.ranking.scored;
-        let without = Left {
-            square: self.blocks.fit(&(0..known).collect::<Vec<_>>()).square,
-            strain: self.ranking.none_strain,
-        };
-        let pairs: Vec<[usize; 2]> = leading
-            .iter()
-            .enumerate()
-            .flat_map(|(before, &one)| {
-                let others = (0..scored.len()).filter(move |other| {
-                    let name = scored[*other].hypothesis.effect;
-                    name != scored[one].hypothesis.effect && !leading[..before].contains(other)
-                });
-                others.map(move |other| [one, other])
-            })
-            .collect();
-        let fits: Vec<(Left, [Term; 2])> = pairs
-            .par_iter()
-            .map(|pair| {
-                let of = pair.map(|index| &scored[index]);
-                let chosen: Vec<usize> = (0..known)
-                    .chain(of[0].columns.clone())
-                    .chain(of[1].columns.clone())
-                    .collect();
-                let fit = self.blocks.fit(&chosen);
-                let left = Left {
-                    square: fit.square,
-                    strain: strain(&self.model, &fit.coefficients[..known]),
-                };
-                let (first, second) = fit.coefficients[known..].split_at(of[0].amplitudes.len());
-                let terms = [(of[0], first), (of[1], second)].map(|(scored, amplitudes)| Term {
-                    hypothesis: scored.hypothesis.clone(),
-                    amplitudes: amplitudes.to_vec(),
-                });
-                (left, terms)
-            })
-            .collect();
+        let pairs = leading.iter().enumerate().flat_map(|(before, &one)| {
+            let others = (0..scored.len()).filter(move |other| {
+                let name = scored[*other].hypothesis.effect;
+                name != scored[one].hypothesis.effect && !leading[..before].contains(other)
+            });
+            others.map(move |other| [one, other])
+        });
+        let pairs: Vec<[usize; 2]> = pairs.collect();
+        let fits: Vec<(Left, [Term; 2])> =
+            pairs.par_iter().map(|pair| self.fitted(*pair)).collect();
+        let alone: Vec<(Left, [Term; 1])> =
+            leading.par_iter().map(|one| self.fitted([*one])).collect();
+        let without = self.fitted([]).0;
         let squares = fits.iter().map(|(left, _)| left.square);
         let variance = variance_of(&self.ranking, squares.fold(f64::INFINITY, f64::min));
+        let worth =
+            |left: Left, terms: &[Term]| together(&self.ranking, [without, left], variance, terms);
+        let of_one = alone.iter().map(|(left, term)| worth(*left, term));
+        let least = of_one.fold(0.0, f64::max) + more;
         let mut fits: Vec<(f64, [Term; 2])> = fits
             .into_iter()
-            .map(|(left, pair)| {
-                let nats = together(&self.ranking, [without, left], variance, &pair);
-                (nats, pair)
-            })
-            .filter(|(nats, _)| nats.is_finite())
+            .map(|(left, pair)| (worth(left, &pair), pair))
+            .filter(|(nats, _)| nats.is_finite() && *nats > least)
             .collect();
         fits.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut best: Vec<[Term; 2]> = Vec::new();
@@ -206,6 +183,30 @@ impl Round {
             }
         }
         best
+    }
+
+    /// What fits of these effects' responses leave, by their places in the ranking, and the effects as fitted.
+    fn fitted<const COUNT: usize>(&self, effects: [usize; COUNT]) -> (Left, [Term; COUNT]) {
+        let known = self.linear.known.len();
+        let of = effects.map(|index| &self.ranking.scored[index]);
+        let columns = of.iter().flat_map(|scored| scored.columns.clone());
+        let fit = self
+            .blocks
+            .fit(&(0..known).chain(columns).collect::<Vec<_>>());
+        let (of_known, mut rest) = fit.coefficients.split_at(known);
+        let left = Left {
+            square: fit.square,
+            strain: strain(&self.model, of_known),
+        };
+        let terms = of.map(|scored| {
+            let (own, further) = rest.split_at(scored.amplitudes.len());
+            rest = further;
+            Term {
+                hypothesis: scored.hypothesis.clone(),
+                amplitudes: own.to_vec(),
+            }
+        });
+        (left, terms)
     }
 }
 
@@ -222,6 +223,17 @@ impl Search<'_> {
             hypotheses: Vec::new(),
         };
         Ok(self.round(model.clone(), linear, 0.0))
+    }
+
+    /// A round with the responses of known values found anew about a model: beside a strong effect they are others.
+    ///
+    /// # Errors
+    /// [`FilterError`].
+    pub(crate) fn about(&self, round: &Round, model: &Model) -> Result<Round, FilterError> {
+        let base = self.twin.coarsely(&model.changes(&self.scale))?;
+        let mut round = round.clone();
+        round.linear.known = self.known_columns(&base, model)?;
+        Ok(round)
     }
 
     /// All hypotheses, beside a model.
