@@ -7,7 +7,7 @@ use crate::evidence::{
     Left, Remains, cost_in_file, most_left, remains, together, unknown_probability, variance_of,
 };
 use crate::hypothesis::{Hypothesis, giving};
-use crate::judge::{shrink_alone, shrink_of};
+use crate::judge::{Squares, shrink_alone, shrink_of};
 use crate::observe::Channel;
 use crate::rank::Round;
 use crate::refine::Refined;
@@ -100,12 +100,14 @@ impl Explanation {
     }
 
     /// Whether the gap is larger with the names than as the robot file has it: squares may fall where rows count and rise where
-    /// they count little.
+    /// they count little. What is within the twin's errors is no gap with them either.
     fn is_worse(&self, search: &Search<'_>) -> Result<bool, FilterError> {
         let start = Model::of_settled(search, &self.refined.model.settled);
         let before_nm = search.residual_nm(&start)?;
-        let shrink = shrink_of(search, &before_nm, &self.refined.residual_nm);
-        Ok(shrink < WORSE)
+        let after_nm = &self.refined.residual_nm;
+        let after = Squares::of(search, after_nm, Channel::Motor).mean();
+        let floor = search.twin_floor_nm(Channel::Motor).powi(2);
+        Ok(after > WELL_EXPLAINED * floor && shrink_of(search, &before_nm, after_nm) < WORSE)
     }
 
     /// Whether one name stands for several numbers of cycles.
