@@ -199,7 +199,7 @@ impl Beginning {
         let is_gap = self.is_gap;
         let mut growing = Growing {
             search,
-            responses: self.responses(),
+            responses: self.responses().clone(),
             refined: first.base.clone(),
             added: Vec::new(),
             last: first.clone(),
@@ -242,7 +242,7 @@ impl Beginning {
 struct Growing<'a, 's> {
     search: &'a Search<'s>,
     /// Of every effect.
-    responses: &'a Round,
+    responses: Round,
     refined: Refined,
     added: Vec<Step>,
     last: Step,
@@ -306,7 +306,7 @@ impl Growing<'_, '_> {
             rest.terms.remove(term);
             self.added.remove(term);
         }
-        self.refined = self.search.refine(self.responses, &rest)?;
+        self.refined = self.search.refine(&self.responses, &rest)?;
         self.look()?;
         Ok(true)
     }
@@ -459,10 +459,11 @@ impl Growing<'_, '_> {
             return Ok(());
         };
         let least = worth(&self.refined, variance) - BEHIND_NATS;
-        if worth(&best, variance) > least.max(0.0) {
-            let round = search.about(&first.round, &best.model)?;
-            best = search.refine(&round, &best.model)?;
+        if worth(&best, variance) <= least.max(0.0) {
+            return Ok(());
         }
+        let about = search.about(&self.responses, &best.model)?;
+        best = search.refine(&about, &best.model)?;
         let more = if self.added.is_empty() {
             ANEW_NATS
         } else {
@@ -474,6 +475,7 @@ impl Growing<'_, '_> {
         let mut other = self.clone();
         other.added = vec![first.clone(); best.model.terms.len()];
         other.refined = best;
+        other.responses = about;
         other.reconsider()?;
         other.look()?;
         other.grow()?;
@@ -489,7 +491,7 @@ impl Growing<'_, '_> {
 
     /// Looks at what is left.
     fn look(&mut self) -> Result<(), FilterError> {
-        let last = self.search.next(self.responses, &self.refined.model)?;
+        let last = self.search.next(&self.responses, &self.refined.model)?;
         self.last = Step::new(self.search, last, &self.refined)?;
         self.refined = self.last.base.clone();
         Ok(())
@@ -501,7 +503,7 @@ impl Growing<'_, '_> {
             let Some(best) = self.best(&self.last) else {
                 break;
             };
-            let next = self.search.next(self.responses, &best.refined.model)?;
+            let next = self.search.next(&self.responses, &best.refined.model)?;
             let next = Step::new(self.search, next, &best.refined)?;
             let step = std::mem::replace(&mut self.last, next);
             self.added.push(step.with(&best));
@@ -571,10 +573,10 @@ impl Growing<'_, '_> {
             let before = self.added.remove(0);
             let mut model = self.refined.model.clone();
             let taken = model.terms.remove(0);
-            let base = self.search.refine(self.responses, &model)?;
+            let base = self.search.refine(&self.responses, &model)?;
             let step = self
                 .search
-                .next_with(self.responses, &base.model, Some(&taken))?;
+                .next_with(&self.responses, &base.model, Some(&taken))?;
             model.terms.push(taken);
             let step = Step::beside(self.search, step, &base, Some(&model))?;
             let kept = std::mem::replace(&mut self.refined, base);

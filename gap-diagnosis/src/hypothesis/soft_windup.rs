@@ -22,14 +22,21 @@ impl Form for SoftWindup {
         }
     }
 
+    /// About the torque of friction, and up to half of what the gear carries where that is more.
     fn shapes(&self, scale: &Scale) -> Vec<f64> {
-        [0.3, 1.0, 3.0]
-            .map(|part| part * scale.friction_nm)
-            .to_vec()
+        let of_friction = [0.3, 1.0, 3.0].map(|part| part * scale.friction_nm);
+        let half_nm = 0.5 * scale.torque_nm();
+        let is_more = half_nm > 1.5 * of_friction[2];
+        of_friction
+            .into_iter()
+            .chain(is_more.then_some(half_nm))
+            .collect()
     }
 
+    /// Beyond the torque that the gear carries its knee is not reached.
     fn shape_range(&self, scale: &Scale) -> [f64; 2] {
-        [0.05 * scale.friction_nm, 5.0 * scale.friction_nm]
+        let most_nm = scale.torque_nm().max(5.0 * scale.friction_nm);
+        [0.05 * scale.friction_nm, most_nm]
     }
 
     fn is_positive(&self) -> bool {
