@@ -50,22 +50,14 @@ pub struct Refined {
     prior_means: Vec<f64>,
 }
 
-/// Sizes of an effect from which it is fitted, rising. What a gear gives at large torques says little of small ones: the linear
-/// response may not even tell in which way it gives.
-fn sizes(term: &Term) -> Vec<Vec<f64>> {
-    let fitted = &term.amplitudes;
-    let is_none = fitted.iter().all(|a| *a == 0.0);
-    let mut sizes: Vec<Vec<f64>> = Vec::new();
-    if !is_none {
-        sizes.extend(START_FACTORS.map(|factor| fitted.iter().map(|a| factor * a).collect()));
+/// Sizes of an effect from which it is fitted, rising.
+fn sizes(fitted: &[f64]) -> Vec<Vec<f64>> {
+    if fitted.iter().all(|a| *a == 0.0) {
+        START_SIZES.map(|size| vec![size; fitted.len()]).into()
+    } else {
+        let sizes = START_FACTORS.map(|factor| fitted.iter().map(|a| factor * a).collect());
+        sizes.into()
     }
-    if is_none || term.hypothesis.gives() {
-        sizes.extend(START_SIZES.map(|size| vec![size; fitted.len()]));
-    }
-    if let [_] = fitted[..] {
-        sizes.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    }
-    sizes
 }
 
 impl Search<'_> {
@@ -181,7 +173,7 @@ impl Search<'_> {
         };
         let mut found: Vec<(f64, Model)> = Vec::new();
         for term in terms {
-            let models: Vec<Model> = sizes(term)
+            let models: Vec<Model> = sizes(&term.amplitudes)
                 .into_iter()
                 .map(|amplitudes| {
                     let mut model = base.model.clone();

@@ -46,6 +46,14 @@ pub struct Term {
 }
 
 impl Term {
+    /// The same effect, of which nothing tells how large it is.
+    pub(crate) fn without_size(&self) -> Self {
+        Self {
+            amplitudes: vec![0.0; self.amplitudes.len()],
+            ..self.clone()
+        }
+    }
+
     /// Its hypothesis, with the response found at the size that it has.
     pub(crate) fn at_its_size(&self) -> Hypothesis {
         match self.amplitudes[..] {

@@ -131,15 +131,21 @@ impl Step {
                 .collect();
             leading.extend(others);
         }
+        let was = before.and_then(|model| model.terms.last());
+        let was_twist = was.is_some_and(|term| term.hypothesis.gives());
         let starts = leading
             .into_par_iter()
             .map(|index| {
                 let scored = of(index);
-                let term = Term {
+                let mut terms = vec![Term {
                     hypothesis: scored.hypothesis.clone(),
                     amplitudes: scored.amplitudes.clone(),
-                };
-                let start = search.starts(base, &[term])?.into_iter().next();
+                }];
+                if was_twist && is_twist(index) {
+                    // what stands in its place is sought as widely as it was
+                    terms.push(terms[0].without_size());
+                }
+                let start = search.starts(base, &terms)?.into_iter().next();
                 Ok(start.map(|start| (index, start)))
             })
             .collect::<Result<Vec<_>, FilterError>>()?;
