@@ -298,7 +298,7 @@ pub fn standings(ranking: &Ranking) -> Standings {
     }
     let mut standings = Standings { effects };
     // responses in proportion say nothing of a joint at rest
-    standings.near(ranking, 0.0);
+    standings.draw_together(ranking, 0.0);
     standings
 }
 
@@ -312,8 +312,8 @@ fn is_same_torque(ranking: &Ranking, index: usize) -> bool {
 }
 
 impl Standings {
-    /// Of what adds the same torque lets the better one lead by this part of the nats by which it does.
-    fn near(&mut self, ranking: &Ranking, part: f64) {
+    /// Of the two that add the same torque lets the better one lead by this part of the nats by which it does.
+    fn draw_together(&mut self, ranking: &Ranking, part: f64) {
         let mut most = None;
         for (index, nats) in &mut self.effects {
             if is_same_torque(ranking, *index) {
@@ -419,7 +419,7 @@ impl Standings {
             .iter()
             .filter(|(index, ..)| is_same_torque(ranking, *index));
         let are_simulated = both.count() == SAME_TORQUE.len();
-        self.near(ranking, if are_simulated { AT_REST } else { 0.0 });
+        self.draw_together(ranking, if are_simulated { AT_REST } else { 0.0 });
     }
 
     /// Of each effect and `none`; most probable first.

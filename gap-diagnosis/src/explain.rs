@@ -208,8 +208,7 @@ impl Beginning {
         growing.grow()?;
         growing.settle()?;
         if is_gap {
-            let is_doubted = growing.may_have_missed(&without);
-            growing.start_anew(first, is_doubted)?;
+            growing.start_anew(first)?;
         }
         let is_series = growing.drop_series()?;
         let named_gain = growing.named_gain(&without);
@@ -396,18 +395,22 @@ impl Growing<'_, '_> {
         Ok(models)
     }
 
-    /// Whether an effect may be worth a name that only another start finds: it takes off no more than there is.
+    /// Whether an effect may be worth a name that only another start finds: where nothing was named it takes off no more than there is.
     fn may_be_worth(&self, first: &Step, term: &Term) -> bool {
+        if !self.added.is_empty() {
+            return true;
+        }
         let ranking = &first.round.ranking;
-        let refined = &self.refined;
-        let left = self.search.left(&refined.model, &refined.residual_nm);
+        let left = self
+            .search
+            .left(&self.refined.model, &self.refined.residual_nm);
         let least = Trust::of(ranking.joints).least;
-        let most = together(ranking, [left, Left::default()], least, [term]);
-        !self.added.is_empty() || most > ANEW_NATS
+        together(ranking, [left, Left::default()], least, [term]) > ANEW_NATS
     }
 
     /// Begins anew from elsewhere, and keeps what comes of it if it is worth more.
-    fn start_anew(&mut self, first: &Step, is_doubted: bool) -> Result<(), FilterError> {
+    fn start_anew(&mut self, first: &Step) -> Result<(), FilterError> {
+        let is_doubted = self.may_have_missed(&first.base);
         let search = self.search;
         let ranking = &first.round.ranking;
         let left = |refined: &Refined| search.left(&refined.model, &refined.residual_nm);

@@ -118,14 +118,10 @@ impl Search<'_> {
         let target = self.whitener.apply(&linear.residual_nm);
         let beside = Beside::new(&known, &target);
         let named = model.terms.iter().map(|term| &term.hypothesis);
-        let named = named.filter(|hypothesis| hypothesis.repeats_with_motor());
-        for found in below(named.map(|of| of.shape[0]), self.scale.motor_turns) {
-            if !cycles.contains(&found) {
-                cycles.push(found);
-            }
-        }
-        let named = model.terms.iter().map(|term| &term.hypothesis);
-        for found in named.flat_map(Hypothesis::harmonics) {
+        let of_motor = named.filter(|hypothesis| hypothesis.repeats_with_motor());
+        let harmonics = of_motor.clone().flat_map(Hypothesis::harmonics);
+        let parts = below(of_motor.map(|of| of.shape[0]), self.scale.motor_turns);
+        for found in parts.into_iter().chain(harmonics) {
             if !cycles.contains(&found) {
                 cycles.push(found);
             }

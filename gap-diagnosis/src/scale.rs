@@ -118,12 +118,12 @@ impl Scale {
         }
     }
 
-    /// Twist of the gear under the joint's friction.
     /// Torque of the motor behind the gear, but for a few samples.
     pub(crate) fn torque_nm(&self) -> f64 {
         self.gear_ratio * self.motor_torque_nm
     }
 
+    /// Twist of the gear under the joint's friction.
     pub(crate) fn twist_rad(&self) -> f64 {
         if self.stiffness_is_known {
             self.friction_nm / self.stiffness_nm_rad
