@@ -22,6 +22,7 @@ use crate::report::{
     Candidate, DataFinding, Gap, JointReport, NamedEffect, Remaining, Report, SCHEMA, SharedEffect,
     TwinKind, Verdict, Where,
 };
+use crate::reversals;
 use crate::samples;
 use crate::scale::Scale;
 use crate::search::{Search, Term};
@@ -125,6 +126,8 @@ pub fn diagnose(
             .collect::<Result<Vec<_>, FilterError>>()?;
         let repeated = Repeated::among(recordings);
         let (joints, shared) = searched(robot, &twins, counted, &repeated, progress)?;
+        let (joints, notes) = reversals::looked_at(robot, joints)?;
+        report.data.extend(notes);
         let tried = Beside::among(robot, &joints);
         let stretches = tried
             .iter()

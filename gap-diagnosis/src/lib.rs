@@ -21,6 +21,8 @@ pub mod known;
 mod links;
 pub mod load;
 mod lost;
+#[cfg(test)]
+mod made_up;
 pub mod mend;
 pub mod observe;
 pub mod oracle;
@@ -31,6 +33,7 @@ mod remembered;
 pub mod repeats;
 pub mod report;
 pub mod respond;
+mod reversals;
 mod rounding;
 mod runs;
 pub mod samples;

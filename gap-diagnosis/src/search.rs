@@ -17,7 +17,7 @@ use crate::scale::Scale;
 use crate::simulate::Between;
 use crate::trust::Trust;
 use crate::twin::{Changes, JointTwin, Row};
-use crate::whiten::{Floor, Whitener, series};
+use crate::whiten::{Floor, Reversals, Whitener, series};
 
 /// Runs of the twin with noise, of which the mean is taken.
 const NOISY_RUNS: u64 = 6;
@@ -104,6 +104,7 @@ impl Model {
 }
 
 /// A joint's recordings beside its twin, ready to be searched.
+#[derive(Clone)]
 pub struct Search<'a> {
     /// The twin.
     pub twin: &'a JointTwin<'a>,
@@ -169,10 +170,6 @@ impl<'a> Search<'a> {
                 }
             })
             .collect();
-        let whitener = Whitener::new(&twin.rows, |row| {
-            floor(row.channel, &noise_nm, &scale, twin)
-        });
-        let whitener = whitener.doubting(&doubts_nm(twin)?);
         let has_link_encoder = stretches.iter().any(|stretch| stretch.link_rad.is_some());
         let has_command = stretches.iter().all(|stretch| stretch.has_command);
         // where the drive reports its torque beside every command, its delay and lag are read off the samples
@@ -188,10 +185,27 @@ impl<'a> Search<'a> {
             twin,
             scale,
             measured_nm,
+            whitener: whitener(twin, Reversals::DOUBTED, &noise_nm, &scale)?,
             noise_nm,
             repeats_nm: None,
-            whitener,
             hypotheses: plain(&scale, shown),
+        })
+    }
+
+    /// The same recordings, rows near reversals looked at.
+    ///
+    /// # Errors
+    /// [`FilterError`].
+    pub(crate) fn at_reversals(&self) -> Result<Self, FilterError> {
+        let Self {
+            twin,
+            noise_nm,
+            scale,
+            ..
+        } = self;
+        Ok(Self {
+            whitener: whitener(twin, Reversals::LOOKED_AT, noise_nm, scale)?,
+            ..self.clone()
         })
     }
 
@@ -410,6 +424,16 @@ fn floor(
         },
         slow_samples: TWIN_SLOW_S * twin.rows_hz(),
     }
+}
+
+fn whitener(
+    twin: &JointTwin<'_>,
+    reversals: Reversals,
+    noise_nm: &[(Channel, f64)],
+    scale: &Scale,
+) -> Result<Whitener, FilterError> {
+    let floor = |row: &Row| floor(row.channel, noise_nm, scale, twin);
+    Ok(Whitener::new(&twin.rows, reversals, floor).doubting(&doubts_nm(twin)?))
 }
 
 /// What nobody can tell of a row: the part of what friction before it slips does that is not in proportion to it, and where

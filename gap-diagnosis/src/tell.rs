@@ -25,6 +25,9 @@ use crate::step::Step;
 /// and near them the twin is off by more.
 const SHRINK_MIN: f64 = 0.9;
 const ABOVE_FLOOR: f64 = 3.0;
+/// Names that shrink it by less than half explain it only within its floor, or not far above.
+const SHRINK_HALF: f64 = 0.5;
+const NEAR_FLOOR: f64 = 1.5;
 /// Probability of what was counted in the samples.
 const COUNTED: f64 = 0.97;
 /// How often a sure diagnosis was wrong on development cases.
@@ -373,7 +376,9 @@ fn is_ruled_out(effect: &str, of_steps: impl Iterator<Item = f64>) -> bool {
 /// Whether names leave a gap that is larger than the floor and no small part of what it was.
 fn falls_short(gap: &Gap) -> bool {
     let torque = &gap.torque_rms_nm;
-    gap.shrink < SHRINK_MIN && torque.after > ABOVE_FLOOR * torque.noise_floor
+    let is_above = |floors: f64| torque.after > floors * torque.noise_floor;
+    gap.shrink < SHRINK_MIN && is_above(ABOVE_FLOOR)
+        || gap.shrink < SHRINK_HALF && is_above(NEAR_FLOOR)
 }
 
 /// A kinematic error has up to three harmonics: one effect, parameters numbered by rising cycles.

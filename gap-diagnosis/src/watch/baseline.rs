@@ -12,7 +12,7 @@ use crate::observe::Channel;
 use crate::search::Search;
 use crate::stretch::stretches;
 use crate::twin::{Changes, JointTwin};
-use crate::whiten::{Floor, Whitener};
+use crate::whiten::{Floor, Reversals, Whitener};
 
 /// One joint as it was.
 #[derive(Clone, Debug)]
@@ -123,7 +123,9 @@ impl Baseline {
             .zip(&simulated_nm)
             .map(|(a, b)| a - b)
             .collect();
-        let whitener = Whitener::new(&twin.rows, |row| self.floor(row.channel));
+        let whitener = Whitener::new(&twin.rows, Reversals::DOUBTED, |row| {
+            self.floor(row.channel)
+        });
         let white = whitener.apply(&residual_nm);
         let times = twin.rows.iter().map(|row| row.time_s);
         Ok(times.zip(white).map(|(time_s, w)| [time_s, w]).collect())
