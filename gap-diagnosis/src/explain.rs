@@ -479,10 +479,12 @@ impl Growing<'_, '_> {
         other.added = vec![first.clone(); best.model.terms.len()];
         other.refined = best;
         other.responses = about;
+        let begun = names(&other.refined.model);
         other.reconsider()?;
-        other.look()?;
         other.grow()?;
-        other.settle()?;
+        if names(&other.refined.model) != begun {
+            other.settle()?;
+        }
         let least = left(&self.refined).square.min(left(&other.refined).square);
         let variance = variance_of(ranking, least);
         let before = worth(&self.refined, variance);
@@ -604,6 +606,11 @@ impl Growing<'_, '_> {
     }
 }
 
+fn names(model: &Model) -> Vec<&'static str> {
+    let terms = model.terms.iter();
+    terms.map(|term| term.hypothesis.effect).collect()
+}
+
 /// Fits effects of given names, the one that takes off most first, without asking whether they are worth it.
 ///
 /// # Errors
@@ -643,8 +650,8 @@ pub(crate) fn without_effects(
     search: &Search<'_>,
     settled: &[Term],
 ) -> Result<Refined, FilterError> {
-    let (_, fitted) = known_fitted(search, &Model::of_settled(search, settled))?;
-    Ok(fitted)
+    let rough = roughly_fitted(search, &Model::of_settled(search, settled))?;
+    search.refine(&search.known_alone(&rough.model)?, &rough.model)
 }
 
 /// Half the squares that settled effects take off.
@@ -663,9 +670,13 @@ fn settled_gain(search: &Search<'_>, without: &Refined) -> Result<f64, FilterErr
 /// Known values fitted, and everything beside them. They do not respond in proportion: their responses are found again
 /// where the first fit ends.
 fn known_fitted(search: &Search<'_>, start: &Model) -> Result<(Round, Refined), FilterError> {
-    let round = search.known_alone(start)?;
-    let rough = search.refine(&round, start)?;
+    let rough = roughly_fitted(search, start)?;
     let round = search.first(&rough.model)?;
     let fitted = search.refine(&round, &rough.model)?;
     Ok((round, fitted))
+}
+
+/// Known values fitted with their responses about the model that they begin from.
+fn roughly_fitted(search: &Search<'_>, start: &Model) -> Result<Refined, FilterError> {
+    search.refine(&search.known_alone(start)?, start)
 }
