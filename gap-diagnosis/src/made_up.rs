@@ -28,8 +28,9 @@ const LINK_KG_M2: f64 = 0.06;
 pub(crate) struct MadeUp {
     pub gap_rad: f64,
     pub payload_kg: f64,
-    /// Joint side, six times a turn of the motor.
+    /// Joint side: its amplitude, and how often it repeats in a turn of the motor.
     pub ripple_nm: f64,
+    pub ripple_cycles: f64,
     /// Wanted position over time, as sines of an amplitude and an angular frequency.
     pub sines: [[f64; 2]; 2],
 }
@@ -40,6 +41,7 @@ impl MadeUp {
         gap_rad: 0.0,
         payload_kg: 0.0,
         ripple_nm: 0.0,
+        ripple_cycles: 6.0,
         sines: [[0.4, 2.0], [0.1, 7.0]],
     };
 
@@ -75,7 +77,7 @@ impl MadeUp {
                     + DAMPING_NM_S_RAD * (speed[0] - speed[1]);
                 let friction_nm =
                     COULOMB_NM * (speed[0] / 2e-3).tanh() + VISCOUS_NM_S_RAD * speed[0];
-                let ripple_nm = self.ripple_nm * (6.0 * RATIO * at[0]).sin();
+                let ripple_nm = self.ripple_nm * (self.ripple_cycles * RATIO * at[0]).sin();
                 let weight_nm = link_kg * 9.81 * CENTRE_M * at[1].sin();
                 speed[0] += step_s * (torque_nm + ripple_nm - friction_nm - gear_nm) / rotor_kg_m2;
                 speed[1] += step_s * (gear_nm + weight_nm) / link_kg_m2;
