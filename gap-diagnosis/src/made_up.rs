@@ -103,7 +103,10 @@ impl MadeUp {
 }
 
 /// What is known of the joint.
-#[allow(clippy::unwrap_used, reason = "a test may")]
+#[allow(
+    clippy::unwrap_used,
+    reason = "only tests build this; the text is a constant"
+)]
 pub(crate) fn robot() -> Robot {
     let text = format!(
         "name = \"one\"\ngravity_m_s2 = [0.0, 0.0, -9.81]\nparameter_tolerance = 0.02\n\
