@@ -8,6 +8,7 @@ use crate::known::Known;
 use crate::refine::Refined;
 use crate::report::DataFinding;
 use crate::search::Search;
+use crate::units;
 
 /// By how much, as a part of the time between samples, a joint's two encoders must be read apart to be told.
 const SKEW_TOLD_PART: f64 = 0.25;
@@ -24,12 +25,24 @@ pub fn findings(robot: &Robot, recording: &Recording) -> Vec<Finding> {
         finding.kind == FindingKind::SwappedJoints
             || finding.severity == Severity::Error && finding.is_of_position()
     };
-    if !findings.iter().any(is_wrong)
+    if findings.iter().any(is_wrong) {
+        return findings;
+    }
+    let mut more = units::check(robot, recording);
+    // a joint of which something is wrong already is told that
+    more.retain(|finding| {
+        let mut errors = findings
+            .iter()
+            .filter(|known| known.severity == Severity::Error);
+        finding.joint.is_none() || !errors.any(|known| known.joint == finding.joint)
+    });
+    if more.is_empty()
         && let Some(finding) = exchanged::check(robot, recording)
     {
-        findings.insert(0, finding);
+        more.push(finding);
     }
-    findings
+    more.append(&mut findings);
+    more
 }
 
 /// What the checks need to know of a robot.
@@ -79,6 +92,11 @@ impl Checked {
         }
         all.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
         Self { findings: all }
+    }
+
+    /// With what only a diagnosis finds.
+    pub fn add(&mut self, findings: Vec<Finding>) {
+        self.findings.splice(..0, findings);
     }
 
     /// Why nothing can be said about a joint, if so.

@@ -17,6 +17,7 @@ use crate::found::Found;
 use crate::hypothesis;
 use crate::judge;
 use crate::mend;
+use crate::ratio;
 use crate::repeats::floor::Repeated;
 use crate::report::{
     Candidate, DataFinding, Gap, JointReport, NamedEffect, Remaining, Report, SCHEMA, SharedEffect,
@@ -93,14 +94,13 @@ pub fn diagnose(
     if tables.is_empty() {
         return Err(DiagnoseError::Nothing);
     }
-    let checked = Checked::of(robot, &tables);
+    let mut checked = Checked::of(robot, &tables);
     let against: Vec<Option<String>> = robot
         .joints
         .iter()
         .map(|joint| checked.against(&joint.name))
         .collect();
     let mut report = blank_report(robot, recordings)?;
-    report.data = checked.report();
     let mut traces = Vec::new();
     if against.iter().all(Option::is_some) {
         let blank = robot.joints.iter().zip(against);
@@ -141,15 +141,18 @@ pub fn diagnose(
         let (joints, notes) = beside::explained_again(&tried, &twins, joints, &repeated)?;
         report.data.extend(notes);
         report.data.extend(repeated.that_differ());
+        checked.add(ratio::doubted(robot, &tables, counted, &joints)?);
         let common = shared::common_delay(counted);
         let told = joints
             .par_iter()
             .enumerate()
             .map(|(index, joint)| {
                 let name = &robot.joints[index].name;
+                if let Some(why) = checked.against(name) {
+                    return Ok((insufficient(name, why), Vec::new(), None));
+                }
                 let Some((search, explanation)) = joint else {
-                    let why = against[index].clone();
-                    let why = why.unwrap_or_else(|| "nothing tells the joint's torque".to_owned());
+                    let why = "nothing tells the joint's torque".to_owned();
                     return Ok((insufficient(name, why), Vec::new(), None));
                 };
                 let seen = shared
@@ -189,6 +192,7 @@ pub fn diagnose(
             }))
             .collect();
     }
+    report.data.splice(..0, checked.report());
     report.data.sort_by_key(DataFinding::rank);
     report.compute_seconds = begin.elapsed().as_secs_f64();
     Ok(Diagnosis { report, traces })
@@ -309,7 +313,15 @@ fn searched<'a>(
         });
     };
     let mut explanations = explained(&beginnings, shared.as_ref(), &tell)?;
-    if shared.is_none() {
+    let is_changed =
+        |(begun, explanation): (&Option<(Search<'_>, Beginning)>, &Option<Explanation>)| {
+            let pair = begun.as_ref().zip(explanation.as_ref());
+            pair.is_some_and(|((_, begun), explanation)| {
+                let first = explanation.rounds.first();
+                first.is_some_and(|first| first.base.model != begun.first.base.model)
+            })
+        };
+    if shared.is_none() && beginnings.iter().zip(&explanations).any(is_changed) {
         // what a joint has of its own may have hidden what it shares
         let firsts: Vec<Option<Seen<'_, '_>>> = beginnings
             .iter()

@@ -4,26 +4,11 @@
 //! Friction and the gap that is looked for are no reason to think so: only what the rigid bodies do along the whole arm's motion
 //! tells one joint from another, and an exchange must make that right for both at once.
 
-use nalgebra::{Matrix2, Vector2};
 use recording::{Finding, FindingKind, Recording, Severity};
 use robot::Robot;
 
+use crate::rigid::{Moving, OWN, gain, thinned};
 use crate::stretch::{Stretch, rigid_stretches};
-
-/// Rate at which this is looked at: what rigid bodies do is slow.
-const RATE_HZ: f64 = 50.0;
-/// A joint slower than this part of its root mean square velocity may stick.
-const MOVES: f64 = 0.5;
-/// Fewer rows than this tell nothing.
-const ROWS_MIN: usize = 100;
-/// The rigid bodies leave this part of a joint's torque, as squares, where it may be another's.
-const OWN: f64 = 0.4;
-/// Below this part left no twin of a tolerance is told from a better one.
-const RIGHT: f64 = 0.01;
-/// Natural logarithm of the factor by which an exchange must let the rigid bodies leave less, over all joints.
-const GAIN: f64 = 2.0;
-/// Part of that by which any one joint may be worse.
-const WORSE: f64 = 0.1;
 
 /// What of two joints is recorded under each other's names.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,35 +88,6 @@ fn finding(robot: &Robot, before: &[f64], exchange: &Exchange) -> Finding {
     }
 }
 
-/// By how much an exchange lets the rigid bodies leave less, if it is believed.
-fn gain(before: &[f64], after: &[f64]) -> Option<f64> {
-    let each: Vec<f64> = before
-        .iter()
-        .zip(after)
-        .map(|(b, a)| (b / a).ln())
-        .collect();
-    let gain: f64 = each.iter().sum();
-    (gain > GAIN && each.iter().all(|own| *own > -WORSE * gain)).then_some(gain)
-}
-
-/// Rows at about [`RATE_HZ`].
-fn thinned(recording: &Recording) -> Recording {
-    let every = ((recording.sample_rate_hz / RATE_HZ) as usize).max(1);
-    let mut thinned = recording.clone();
-    thinned.time_s = recording.time_s.iter().copied().step_by(every).collect();
-    thinned.segment = recording
-        .segment
-        .as_ref()
-        .map(|segment| segment.iter().copied().step_by(every).collect());
-    thinned.sample_rate_hz = recording.sample_rate_hz / every as f64;
-    for joint in &mut thinned.joints {
-        for values in joint.signals.values_mut() {
-            *values = values.iter().copied().step_by(every).collect();
-        }
-    }
-    thinned
-}
-
 /// The recording with the signals of two joints under each other's names.
 fn exchanged(robot: &Robot, recording: &Recording, pair: [usize; 2]) -> Option<Recording> {
     let place = |joint: usize| {
@@ -145,8 +101,7 @@ fn exchanged(robot: &Robot, recording: &Recording, pair: [usize; 2]) -> Option<R
     Some(exchanged)
 }
 
-/// Of each joint, what the rigid bodies leave of the squares of its torque beyond friction; all of it where that is not known. Two
-/// joints may have each other's torques.
+/// Of each joint, what the rigid bodies leave of the squares of its torque beyond friction. Two joints may have each other's torques.
 fn parts(robot: &Robot, stretches: &[Stretch], exchanged: Option<[usize; 2]>) -> Vec<f64> {
     let torque_of = |joint: usize| match exchanged {
         Some([a, b]) if joint == a => b,
@@ -154,142 +109,18 @@ fn parts(robot: &Robot, stretches: &[Stretch], exchanged: Option<[usize; 2]>) ->
         _ => joint,
     };
     let joints = 0..robot.joints.len();
+    let part = |joint| Moving::of(robot, joint, torque_of(joint), stretches);
     joints
-        .map(|joint| part(robot, joint, torque_of(joint), stretches))
+        .map(|joint| part(joint).map_or(1.0, |moving| moving.left()))
         .collect()
-}
-
-/// One joint's row: direction and velocity, torque, and what the rigid bodies make of it.
-struct Row {
-    friction: Vector2<f64>,
-    torque_nm: f64,
-    rigid_nm: f64,
-}
-
-fn part(robot: &Robot, joint: usize, torque_of: usize, stretches: &[Stretch]) -> f64 {
-    let rows: Vec<Row> = stretches
-        .iter()
-        .flat_map(|stretch| rows(robot, joint, torque_of, stretch))
-        .collect();
-    let square = rows.iter().map(|row| row.friction.y.powi(2)).sum::<f64>();
-    let moves_rad_s = MOVES * (square / rows.len().max(1) as f64).sqrt();
-    let moving: Vec<&Row> = rows
-        .iter()
-        .filter(|row| row.friction.y.abs() > moves_rad_s)
-        .collect();
-    if moving.len() < ROWS_MIN {
-        return 1.0;
-    }
-    let all = beyond_friction(&moving, |row| row.torque_nm);
-    let left = beyond_friction(&moving, |row| row.torque_nm - row.rigid_nm);
-    match (all, left) {
-        (Some(all), Some(left)) if all > 0.0 => (left / all).max(RIGHT),
-        _ => 1.0,
-    }
-}
-
-/// Of a joint's motion, with the torque that is recorded as another's or its own.
-fn rows(robot: &Robot, joint: usize, torque_of: usize, stretch: &Stretch) -> Vec<Row> {
-    let (Some(of_joint), Some(of_torque)) = (&stretch.joints[joint], &stretch.joints[torque_of])
-    else {
-        return Vec::new();
-    };
-    let [file, other] = [joint, torque_of].map(|joint| &robot.joints[joint]);
-    let rotor_kg_m2 = file.rotor_inertia_kg_m2 * file.gear_ratio.powi(2);
-    let load = &of_joint.load;
-    let acceleration_rad_s2 = stretch.motion.acceleration_rad_s2(joint);
-    let whole = (0..of_joint.samples().min(of_torque.samples()))
-        .filter(|k| of_joint.is_whole[*k] && of_torque.is_whole[*k]);
-    whole
-        .map(|k| {
-            let velocity_rad_s = load.velocity_rad_s[k];
-            let inertia_kg_m2 = rotor_kg_m2 + load.inertia_kg_m2[k];
-            Row {
-                friction: Vector2::new(velocity_rad_s.signum(), velocity_rad_s),
-                // what is recorded is of the motor, whose ratio the file tells
-                torque_nm: of_torque.torque_nm[k] * file.gear_ratio / other.gear_ratio,
-                rigid_nm: load.torque_nm[k] + inertia_kg_m2 * acceleration_rad_s2[k],
-            }
-        })
-        .collect()
-}
-
-/// Squares that friction of any level and slope leaves.
-fn beyond_friction(rows: &[&Row], torque_nm: impl Fn(&Row) -> f64) -> Option<f64> {
-    let mut information = Matrix2::zeros();
-    let mut vector = Vector2::zeros();
-    for row in rows {
-        information += row.friction * row.friction.transpose();
-        vector += row.friction * torque_nm(row);
-    }
-    let law = information.try_inverse()? * vector;
-    let left = rows
-        .iter()
-        .map(|row| (torque_nm(row) - row.friction.dot(&law)).powi(2));
-    let left: f64 = left.sum();
-    left.is_finite().then_some(left)
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
     use super::*;
-    use recording::{JointColumns, Signal};
-
-    /// Every joint of an arm swings at its own frequencies; joint `heavier` carries more than its file says.
-    fn swinging(robot: &Robot, heavier: Option<usize>) -> Recording {
-        let count = robot.joints.len();
-        let rows = 600;
-        let mut columns = vec![[vec![0.0; rows], vec![0.0; rows]]; count];
-        let mut rigid_nm = vec![0.0; count];
-        let time_s: Vec<f64> = (0..rows).map(|k| k as f64 / 50.0).collect();
-        for (k, time_s) in time_s.iter().enumerate() {
-            let [mut position, mut velocity, mut acceleration] = [0; 3].map(|_| vec![0.0; count]);
-            for joint in 0..count {
-                for (part, rate_rad_s) in [0.9, 2.3].iter().enumerate() {
-                    let rate_rad_s = rate_rad_s * (1.0 + 0.13 * joint as f64);
-                    let size_rad = 0.5 / (1.0 + 2.0 * part as f64);
-                    let (sin, cos) = (rate_rad_s * time_s + joint as f64).sin_cos();
-                    position[joint] += size_rad * sin;
-                    velocity[joint] += size_rad * rate_rad_s * cos;
-                    acceleration[joint] -= size_rad * rate_rad_s * rate_rad_s * sin;
-                }
-            }
-            let chain = &robot.chain;
-            chain.inverse_dynamics(&position, &velocity, &acceleration, &mut rigid_nm);
-            for (joint, file) in robot.joints.iter().enumerate() {
-                let rotor_kg_m2 = file.rotor_inertia_kg_m2 * file.gear_ratio.powi(2);
-                let friction_nm = 4.0 * velocity[joint].signum() + 3.0 * velocity[joint];
-                let more = if heavier == Some(joint) { 1.6 } else { 1.0 };
-                let torque_nm =
-                    more * rigid_nm[joint] + rotor_kg_m2 * acceleration[joint] + friction_nm;
-                columns[joint][0][k] = file.gear_ratio * position[joint];
-                columns[joint][1][k] = torque_nm / file.gear_ratio;
-            }
-        }
-        let of_joint = |([angle_rad, torque_nm], file): ([Vec<f64>; 2], &robot::RobotJoint)| {
-            let signals = [
-                (Signal::MotorPositionRad, angle_rad),
-                (Signal::MotorTorqueNm, torque_nm),
-            ];
-            JointColumns {
-                name: file.name.clone(),
-                signals: signals.into(),
-            }
-        };
-        Recording {
-            time_s,
-            segment: None,
-            joints: columns
-                .into_iter()
-                .zip(&robot.joints)
-                .map(of_joint)
-                .collect(),
-            sample_rate_hz: 50.0,
-            metadata: Default::default(),
-            truncated: false,
-        }
-    }
+    use crate::made_up::swinging;
+    use recording::Signal;
 
     #[test]
     fn joints_that_carry_something_are_told_by_it() {

@@ -1,7 +1,6 @@
 //! A joint's explanation: effects are added one at a time while they are worth it, and taken back if they no longer are.
 
 use joint_model::filter::FilterError;
-use rayon::prelude::*;
 
 use crate::evidence::{
     Left, Remains, cost_in_file, most_left, remains, together, unknown_probability, variance_of,
@@ -28,9 +27,9 @@ const STARTS: usize = 2;
 /// Nats behind what was found within which the best of other starts is fitted again, with responses found where it ended.
 const BEHIND_NATS: f64 = 100.0;
 /// Nats that a second or third effect must be worth, and part of the first one's up to some nats: no law is exact.
-const FURTHER_NATS: f64 = 6.0;
-const FURTHER_PART: f64 = 0.01;
-const FURTHER_MOST_NATS: f64 = 40.0;
+pub(crate) const FURTHER_NATS: f64 = 6.0;
+pub(crate) const FURTHER_PART: f64 = 0.01;
+pub(crate) const FURTHER_MOST_NATS: f64 = 40.0;
 /// The same for one that repeats over the angle as an effect before does.
 const COMPANION_PART: f64 = 0.05;
 /// Nats that an effect must be worth that only another start finds where nothing was named: of so many starts one ends by chance
@@ -45,7 +44,7 @@ const AS_MUCH_OF_SERIES: f64 = 0.8;
 /// Standard deviations of a sum of squares above its mean at which known values are strained.
 const STRAINED: f64 = 3.0;
 /// Times noise and the twin's own errors, as squares, up to which one effect is taken for all there is.
-const WELL_EXPLAINED: f64 = 2.0;
+pub(crate) const WELL_EXPLAINED: f64 = 2.0;
 
 /// What explains a joint's residual.
 #[derive(Clone, Debug)]
@@ -457,10 +456,7 @@ impl Growing<'_, '_> {
             // beside an effect that nothing speaks against, two must look better from the start
             starts.extend(self.pairs(first, !is_doubted));
         }
-        let mut refined = starts
-            .par_iter()
-            .map(|model| search.refine(&first.round, model))
-            .collect::<Result<Vec<_>, FilterError>>()?;
+        let mut refined = search.refine_best(&first.round, &starts)?;
         refined.retain(|refined| left(refined).total().is_finite());
         let squares = refined.iter().map(|refined| left(refined).square);
         let variance = variance_of(ranking, squares.fold(left(&self.refined).square, f64::min));
@@ -684,6 +680,6 @@ fn known_fitted(search: &Search<'_>, start: &Model) -> Result<(Round, Refined), 
 }
 
 /// Known values fitted with their responses about the model that they begin from.
-fn roughly_fitted(search: &Search<'_>, start: &Model) -> Result<Refined, FilterError> {
+pub(crate) fn roughly_fitted(search: &Search<'_>, start: &Model) -> Result<Refined, FilterError> {
     search.refine(&search.known_alone(start)?, start)
 }

@@ -1,9 +1,10 @@
-//! One joint as tests make it up: two masses in small explicit steps, which share no integrator and no friction law with the twin.
+//! What tests make up: one joint of two masses in small explicit steps, which share no integrator and no friction law with the twin,
+//! and an arm whose rigid bodies swing.
 
 use std::collections::BTreeMap;
 
 use recording::{JointColumns, Recording, Signal};
-use robot::{Robot, RobotFile, Source};
+use robot::{Robot, RobotFile, RobotJoint, Source};
 
 use crate::search::uniform;
 
@@ -123,4 +124,59 @@ pub(crate) fn robot() -> Robot {
     );
     let file = RobotFile::parse(&text, "one.toml").unwrap();
     file.build(Source::Shipped("one")).unwrap()
+}
+
+/// Every joint of an arm swings at its own frequencies; joint `heavier` carries more than its file says.
+pub(crate) fn swinging(robot: &Robot, heavier: Option<usize>) -> Recording {
+    let count = robot.joints.len();
+    let rows = 600;
+    let mut columns = vec![[vec![0.0; rows], vec![0.0; rows]]; count];
+    let mut rigid_nm = vec![0.0; count];
+    let time_s: Vec<f64> = (0..rows).map(|k| k as f64 / 50.0).collect();
+    for (k, time_s) in time_s.iter().enumerate() {
+        let [mut position, mut velocity, mut acceleration] = [0; 3].map(|_| vec![0.0; count]);
+        for joint in 0..count {
+            for (part, rate_rad_s) in [0.9, 2.3].iter().enumerate() {
+                let rate_rad_s = rate_rad_s * (1.0 + 0.13 * joint as f64);
+                let size_rad = 0.5 / (1.0 + 2.0 * part as f64);
+                let (sin, cos) = (rate_rad_s * time_s + joint as f64).sin_cos();
+                position[joint] += size_rad * sin;
+                velocity[joint] += size_rad * rate_rad_s * cos;
+                acceleration[joint] -= size_rad * rate_rad_s * rate_rad_s * sin;
+            }
+        }
+        let chain = &robot.chain;
+        chain.inverse_dynamics(&position, &velocity, &acceleration, &mut rigid_nm);
+        for (joint, file) in robot.joints.iter().enumerate() {
+            let rotor_kg_m2 = file.rotor_inertia_kg_m2 * file.gear_ratio.powi(2);
+            let friction_nm = 4.0 * velocity[joint].signum() + 3.0 * velocity[joint];
+            let more = if heavier == Some(joint) { 1.6 } else { 1.0 };
+            let torque_nm =
+                more * rigid_nm[joint] + rotor_kg_m2 * acceleration[joint] + friction_nm;
+            columns[joint][0][k] = file.gear_ratio * position[joint];
+            columns[joint][1][k] = torque_nm / file.gear_ratio;
+        }
+    }
+    let of_joint = |([angle_rad, torque_nm], file): ([Vec<f64>; 2], &RobotJoint)| {
+        let signals = [
+            (Signal::MotorPositionRad, angle_rad),
+            (Signal::MotorTorqueNm, torque_nm),
+        ];
+        JointColumns {
+            name: file.name.clone(),
+            signals: signals.into(),
+        }
+    };
+    Recording {
+        time_s,
+        segment: None,
+        joints: columns
+            .into_iter()
+            .zip(&robot.joints)
+            .map(of_joint)
+            .collect(),
+        sample_rate_hz: 50.0,
+        metadata: Default::default(),
+        truncated: false,
+    }
 }

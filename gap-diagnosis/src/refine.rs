@@ -19,6 +19,9 @@ const START_SIZES: [f64; 6] = [3.0, 10.0, 30.0, 100.0, 300.0, 1000.0];
 const STEPS: usize = 8;
 const STEPS_MOST: usize = 24;
 const STILL_GAINS: f64 = 0.01;
+/// Of several starts, the steps that each takes, and how many go on.
+const STEPS_TRIED: usize = 3;
+const STARTS_KEPT: usize = 4;
 
 struct Step {
     coefficients: Vec<f64>,
@@ -66,11 +69,46 @@ impl Search<'_> {
     /// # Errors
     /// [`FilterError`].
     pub fn refine(&self, round: &Round, start: &Model) -> Result<Refined, FilterError> {
+        self.stepped_on(round, start, STEPS_MOST)
+    }
+
+    /// The best of several starts, fitted: each takes a few steps, and those that then leave least go on.
+    ///
+    /// # Errors
+    /// [`FilterError`].
+    pub(crate) fn refine_best(
+        &self,
+        round: &Round,
+        starts: &[Model],
+    ) -> Result<Vec<Refined>, FilterError> {
+        let begun = starts
+            .par_iter()
+            .map(|start| self.stepped_on(round, start, STEPS_TRIED))
+            .collect::<Result<Vec<_>, FilterError>>()?;
+        let left = |refined: &Refined| self.left(&refined.model, &refined.residual_nm).total();
+        let mut begun: Vec<(f64, Refined)> = begun
+            .into_iter()
+            .map(|refined| (left(&refined), refined))
+            .filter(|(left, _)| left.is_finite())
+            .collect();
+        begun.sort_by(|a, b| a.0.total_cmp(&b.0));
+        begun.truncate(STARTS_KEPT);
+        let best = begun.par_iter();
+        best.map(|(_, refined)| self.refine(round, &refined.model))
+            .collect()
+    }
+
+    fn stepped_on(
+        &self,
+        round: &Round,
+        start: &Model,
+        steps_most: usize,
+    ) -> Result<Refined, FilterError> {
         let mut model = start.clone();
         model.known.resize(self.twin.known.len(), 0.0);
         let mut residual_nm = self.residual_nm(&model)?;
         let mut last = None;
-        for count in 1..=STEPS_MOST {
+        for count in 1..=steps_most {
             let step = self.step(round, &model, &residual_nm)?;
             let before = self.objective(&model, &residual_nm);
             let mut share = 1.0;

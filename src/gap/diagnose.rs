@@ -51,14 +51,16 @@ pub fn diagnose(arguments: &GapDiagnoseArguments) -> Result<(), CliError> {
     print(&summary(&diagnosis.report, arguments.out.as_deref()))
 }
 
-/// Why no joint can be diagnosed, if so: the worst thing that is wrong with the data.
+/// Why no joint can be diagnosed, if so: what is wrong with the data of the first.
 fn nothing_to_say(report: &Report) -> Option<String> {
     let all = report
         .joints
         .iter()
         .all(|joint| joint.verdict == Verdict::InsufficientData);
-    let worst = report.data.first().filter(|_| all)?;
-    Some(worst.to_string())
+    let first = report.joints.first().filter(|_| all)?;
+    let mut findings = report.data.iter();
+    let why = findings.find(|finding| first.reason.contains(&finding.what));
+    why.or(report.data.first()).map(ToString::to_string)
 }
 
 fn summary(report: &Report, out: Option<&Path>) -> String {
