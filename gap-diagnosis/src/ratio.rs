@@ -39,6 +39,8 @@ struct Other {
     gear_ratio: f64,
     /// Whitened squares and strain.
     left: f64,
+    /// Whether that is noise and the twin's own errors.
+    is_all: bool,
     names: Vec<&'static str>,
 }
 
@@ -137,25 +139,24 @@ fn best(
     Ok((factor.ln().abs() > SAME).then(|| with(robot, joint, factor)))
 }
 
-/// What another ratio's own explanation comes to, where it is all there is.
+/// What another ratio's own explanation comes to.
 fn explained(
     robot: &Robot,
     tables: &[&Recording],
     joint: usize,
     counted: &[Found],
 ) -> Result<Option<Other>, DiagnoseError> {
-    let explained = searched(robot, tables, joint, |search| {
+    searched(robot, tables, joint, |search| {
         let explanation = explain(search, &settled(counted, &search.scale))?;
         let refined = &explanation.refined;
-        let is_all = explanation.remains() == Remains::Nothing
-            && !is_beyond(search, &refined.residual_nm, WELL_EXPLAINED);
-        Ok(is_all.then(|| Other {
+        Ok(Other {
             gear_ratio: robot.joints[joint].gear_ratio,
             left: search.left(&refined.model, &refined.residual_nm).total(),
+            is_all: explanation.remains() == Remains::Nothing
+                && !is_beyond(search, &refined.residual_nm, WELL_EXPLAINED),
             names: names(&explanation),
-        }))
-    })?;
-    Ok(explained.flatten())
+        })
+    })
 }
 
 /// Something of a joint's recordings beside its twin; none where nothing tells its torque.
@@ -220,6 +221,8 @@ fn finding(
     let is_better = more_nats < EFFECT_NATS * fewer - RATIO_NATS + inexact_nats;
     let is_as_good = more_nats < FURTHER_NATS && fewer > 0.0;
     let severity = match (is_better, is_as_good) {
+        // where nothing is told another ratio must tell all
+        _ if names.is_empty() && !other.is_all => return None,
         (true, _) if fewer > 0.0 || names.is_empty() => Severity::Error,
         (true, _) | (_, true) => Severity::Warning,
         (false, false) => return None,
@@ -230,15 +233,15 @@ fn finding(
         _ => names.join(", "),
     };
     let with = list(&other.names, "no effect");
-    let without = list(&names, "no effect that is known");
+    let without = list(&names, "something on no list");
     Some(Finding {
         severity,
         kind: FindingKind::WrongGearRatio,
         joint: Some(of.name.clone()),
         signal: Some(Signal::MotorPositionRad),
         what: format!(
-            "the motor seems to turn {:.4} times per joint turn, the gear_ratio told is {:.4}: with that the twin comes to its noise \
-             floor by {with}, as told by {without}",
+            "the motor seems to turn {:.4} times per joint turn, the gear_ratio told is {:.4}: with that it takes {with} to explain \
+             the joint, as told {without}",
             other.gear_ratio, of.gear_ratio
         ),
         value: Some(other.gear_ratio),
