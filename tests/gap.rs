@@ -158,3 +158,23 @@ fn a_recording_of_another_robot_is_one_clear_line() {
     assert_eq!(output.status.code(), Some(2), "{errors}");
     assert_eq!(errors.trim().lines().count(), 1, "{errors}");
 }
+
+#[test]
+fn of_all_that_is_wrong_what_forbids_a_diagnosis_is_told() {
+    use std::fmt::Write;
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let mut log = "time_s,joint1.motor_position_rad,joint1.motor_torque_nm\n".to_owned();
+    for row in 0..2000 {
+        // a hole after five seconds, and no motion
+        let time_s = 0.01 * f64::from(row) + if row < 500 { 0.0 } else { 3.0 };
+        writeln!(log, "{time_s},0.5,{}", 0.01 * f64::from(row % 3)).unwrap();
+    }
+    std::fs::write(at.join("log.csv"), log).unwrap();
+    let diagnose = "gap diagnose --robot shd17 --recording log.csv";
+    let output = flexspline(at, &diagnose.split(' ').collect::<Vec<_>>());
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{errors}");
+    assert_eq!(errors.trim().lines().count(), 1, "{errors}");
+    assert!(errors.contains("stands still"), "{errors}");
+}
