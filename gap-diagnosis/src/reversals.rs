@@ -46,11 +46,17 @@ fn told_more<'a>(search: &Search<'a>, told: &Explanation) -> Result<Searched<'a>
     }
     let search = search.at_reversals()?;
     let mut explanation = explain(&search, &told.without.model.settled)?;
-    if !is_told(&explanation) && is_beyond(&search, &explanation.refined.residual_nm, FAR_OFF) {
-        let square = search.square(&explanation.refined.residual_nm);
-        explanation.leave("the way through reversals", tempered_nats(square, 1));
+    if explanation.refined.model.terms.is_empty() {
+        // without a name it is what any twin gets wrong there, but for what is far off
+        if !is_beyond(&search, &explanation.refined.residual_nm, FAR_OFF) {
+            return Ok(None);
+        }
+        if !is_told(&explanation) {
+            let square = search.square(&explanation.refined.residual_nm);
+            explanation.leave("the way through reversals", tempered_nats(square, 1));
+        }
     }
-    Ok(is_told(&explanation).then_some((search, explanation)))
+    Ok(Some((search, explanation)))
 }
 
 fn is_told(explanation: &Explanation) -> bool {

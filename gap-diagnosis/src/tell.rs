@@ -83,7 +83,7 @@ impl Told<'_> {
             joint: self.name.to_owned(),
             verdict,
             reason: self.reason(verdict, &effects, &gap),
-            place: self.place(&before_nm, &candidates, &effects, has_gap),
+            place: self.place(&before_nm, &candidates, has_gap),
             effects,
             candidates,
             confusable,
@@ -295,13 +295,7 @@ impl Told<'_> {
         )
     }
 
-    fn place(
-        &self,
-        before_nm: &[f64],
-        candidates: &[Candidate],
-        effects: &[NamedEffect],
-        has_gap: bool,
-    ) -> Where {
+    fn place(&self, before_nm: &[f64], candidates: &[Candidate], has_gap: bool) -> Where {
         let mut stages: BTreeMap<Stage, f64> = BTreeMap::new();
         for candidate in candidates {
             if candidate.effect != "none" && candidate.effect != "unknown" {
@@ -316,13 +310,12 @@ impl Told<'_> {
         for share in stages.values_mut() {
             *share /= f64::max(total, 1e-300);
         }
-        let named = effects.first().map(|effect| Stage::of(&effect.effect));
         let likeliest = stages
             .iter()
             .max_by(|a, b| a.1.total_cmp(b.1))
             .map(|(stage, _)| *stage);
         Where {
-            stage: named.or(likeliest).filter(|_| has_gap),
+            stage: likeliest.filter(|_| has_gap),
             stages,
             signals: place::signals(self.search, before_nm),
             regimes: place::regimes(self.search, before_nm),
