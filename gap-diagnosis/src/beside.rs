@@ -6,7 +6,7 @@ use joint_model::filter::FilterError;
 use rayon::prelude::*;
 use robot::{Effect, Robot};
 
-use crate::evidence::{Remains, naming};
+use crate::evidence::naming;
 use crate::explain::{Explanation, explain, without_effects};
 use crate::refine::Refined;
 use crate::repeats::floor::Repeated;
@@ -34,10 +34,8 @@ impl Beside {
     /// Every joint that was told such effects while others have a gap.
     pub fn among(robot: &Robot, joints: &[Searched<'_>]) -> Vec<Self> {
         let has_gap = |joint: &usize| {
-            joints[*joint].as_ref().is_some_and(|(_, explanation)| {
-                !explanation.refined.model.terms.is_empty()
-                    || explanation.remains() != Remains::Nothing
-            })
+            let told = joints[*joint].as_ref();
+            told.is_some_and(|(_, explanation)| explanation.is_told())
         };
         let with_gap: Vec<usize> = (0..joints.len()).filter(has_gap).collect();
         let mut found: Vec<(f64, Self)> = Vec::new();

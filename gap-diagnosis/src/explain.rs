@@ -66,6 +66,11 @@ impl Explanation {
         &self.rounds[self.rounds.len() - 1]
     }
 
+    /// Whether anything is told of the joint: effects, or a torque of no named law.
+    pub(crate) fn is_told(&self) -> bool {
+        !self.refined.model.terms.is_empty() || self.remains() != Remains::Nothing
+    }
+
     /// Says that a torque is left over this that is worth so many nats.
     pub(crate) fn leave(&mut self, over: &'static str, nats: f64) {
         if let Some(last) = self.rounds.last_mut() {
@@ -609,7 +614,8 @@ impl Growing<'_, '_> {
     }
 }
 
-fn names(model: &Model) -> Vec<&'static str> {
+/// Names of a model's added effects.
+pub(crate) fn names(model: &Model) -> Vec<&'static str> {
     let terms = model.terms.iter();
     terms.map(|term| term.hypothesis.effect).collect()
 }

@@ -10,7 +10,7 @@ use crate::beside::Searched;
 use crate::diagnose::{DiagnoseError, settled};
 use crate::evidence::Remains;
 use crate::explain::{
-    Explanation, FURTHER_MOST_NATS, FURTHER_NATS, FURTHER_PART, WELL_EXPLAINED, explain,
+    Explanation, FURTHER_MOST_NATS, FURTHER_NATS, FURTHER_PART, WELL_EXPLAINED, explain, names,
     roughly_fitted,
 };
 use crate::found::Found;
@@ -56,7 +56,7 @@ pub(crate) fn doubted(
         let Some((search, explanation)) = told else {
             continue;
         };
-        if !has_gap(explanation) || !is_alone(robot, tables, joint) {
+        if !explanation.is_told() || !is_alone(robot, tables, joint) {
             continue;
         }
         let Some(robot_with) = best(robot, tables, joint, &counted[joint])? else {
@@ -71,15 +71,6 @@ pub(crate) fn doubted(
         }
     }
     Ok(findings)
-}
-
-fn has_gap(explanation: &Explanation) -> bool {
-    !explanation.refined.model.terms.is_empty() || explanation.remains() != Remains::Nothing
-}
-
-fn names(explanation: &Explanation) -> Vec<&'static str> {
-    let terms = explanation.refined.model.terms.iter();
-    terms.map(|term| term.hypothesis.effect).collect()
 }
 
 /// Whether nothing but the motor's encoder tells where a joint is.
@@ -154,7 +145,7 @@ fn explained(
             left: search.left(&refined.model, &refined.residual_nm).total(),
             is_all: explanation.remains() == Remains::Nothing
                 && !is_beyond(search, &refined.residual_nm, WELL_EXPLAINED),
-            names: names(&explanation),
+            names: names(&refined.model),
         })
     })
 }
@@ -210,7 +201,7 @@ fn finding(
     explanation: &Explanation,
 ) -> Option<Finding> {
     let more_nats = 0.5 * (other.left - left_by_effects);
-    let names = names(explanation);
+    let names = names(&explanation.refined.model);
     let fewer = names.len() as f64 - other.names.len() as f64;
     // no law is exact: several effects follow a large gap more closely than one number, whatever its cause
     let inexact_nats = if fewer > 1.0 {

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use robot::Robot;
 
 use crate::beside::Searched;
-use crate::evidence::{Remains, tempered_nats};
+use crate::evidence::tempered_nats;
 use crate::explain::{Explanation, explain};
 use crate::report::DataFinding;
 use crate::search::Search;
@@ -41,7 +41,7 @@ pub(crate) fn looked_at<'a>(
 
 /// What rows near reversals tell of a joint that is off, where nothing was told without them and something is with them.
 fn told_more<'a>(search: &Search<'a>, told: &Explanation) -> Result<Searched<'a>, FilterError> {
-    if is_told(told) || !is_beyond(search, &told.refined.residual_nm, OFF) {
+    if told.is_told() || !is_beyond(search, &told.refined.residual_nm, OFF) {
         return Ok(None);
     }
     let search = search.at_reversals()?;
@@ -51,16 +51,12 @@ fn told_more<'a>(search: &Search<'a>, told: &Explanation) -> Result<Searched<'a>
         if !is_beyond(&search, &explanation.refined.residual_nm, FAR_OFF) {
             return Ok(None);
         }
-        if !is_told(&explanation) {
+        if !explanation.is_told() {
             let square = search.square(&explanation.refined.residual_nm);
             explanation.leave("the way through reversals", tempered_nats(square, 1));
         }
     }
     Ok(Some((search, explanation)))
-}
-
-fn is_told(explanation: &Explanation) -> bool {
-    !explanation.refined.model.terms.is_empty() || explanation.remains() != Remains::Nothing
 }
 
 fn note(joint: &str) -> DataFinding {
