@@ -237,7 +237,7 @@ fn a_chain_in_other_frames_tells_the_same_torques() {
             .collect();
         Chain::new(&links, chain.gravity_m_s2(), Isometry3::identity()).unwrap()
     };
-    let recording = record(&robot, &truth, 0.3, &wander(&robot, 25, 4));
+    let recording = record(&robot, &truth, 0.3, &wander(&robot, 12, 4));
     let straight = fit(&[&recording], &robot).unwrap();
     let mut robot_turned = robot.clone();
     robot_turned.chain = turned(&robot.chain);

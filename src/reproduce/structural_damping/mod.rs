@@ -266,7 +266,7 @@ mod tests {
                 ..short(motions::CALIBRATION, 34.0)
             },
             judgement: short(motions::JUDGEMENT, 20.0),
-            alone: short(motions::ROUTINE, 40.0),
+            alone: short(motions::ROUTINE, 10.0),
         };
         let found = experiments(&motions, out.path(), 4..5).expect("runs");
         let scores = &found.comparison.joints[0].estimators;
