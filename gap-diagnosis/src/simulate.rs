@@ -42,6 +42,8 @@ pub struct Feedback {
     pub delay_samples: f64,
     /// How its torque reaches the joint.
     pub way: Way,
+    /// What the rotor is held on instead of the recorded motion, joint side, if anything.
+    pub smooth_rad: Option<Vec<f64>>,
 }
 
 /// How a feedback's torque reaches the joint.
@@ -135,6 +137,7 @@ pub fn simulate(
         })
         .collect();
     let ahead = model.sensor_delay_s / drive.period_s;
+    let along_rad = feedback.smooth_rad.as_ref().unwrap_or(&drive.motor_rad);
     for k in 0..samples {
         let measured = joint.measure(model, drive.period_s, noise.as_deref_mut());
         let added_nm = match feedback.way {
@@ -165,7 +168,7 @@ pub fn simulate(
                 Way::Commanded => Hold::default(),
                 Way::Held => {
                     let next = now + 1.0 / substeps as f64;
-                    let motor_rad = [now, next].map(|at| between(&drive.motor_rad, at + ahead));
+                    let motor_rad = [now, next].map(|at| between(along_rad, at + ahead));
                     let rotor = [joint.motor_rad, joint.motor_rad_s];
                     Hold::on(feedback, model, rotor, motor_rad, step_s)
                 }

@@ -459,6 +459,11 @@ impl<'a> Piece<'a> {
         let step_rad = file.motor_encoder_resolution_rad.unwrap_or(0.0);
         // a rounded value is anywhere within its step
         let noise_rad = file.position_noise_rad.hypot(step_rad / 12.0_f64.sqrt());
+        tracking.smooth_rad = control::without_leaps(
+            &signals.drive.motor_rad,
+            step_rad / file.gear_ratio,
+            stretch.rate_hz,
+        )?;
         let vibration = Vibration::of(
             &signals.drive.motor_rad,
             noise_rad / file.gear_ratio,
