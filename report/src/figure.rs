@@ -56,6 +56,22 @@ impl Figure {
         names
     }
 
+    /// Quantity, range and unit of the heat maps' colours, each once.
+    fn heat_scales(&self) -> Vec<(&str, [f64; 2], &str)> {
+        let mut scales = Vec::new();
+        for map in self
+            .panels
+            .iter()
+            .filter_map(|panel| panel.heat_map.as_ref())
+        {
+            let scale = (map.quantity.as_str(), map.range(), map.unit.as_str());
+            if !scales.contains(&scale) {
+                scales.push(scale);
+            }
+        }
+        scales
+    }
+
     pub(crate) fn html(&self) -> Markup {
         html! {
             figure {
@@ -63,12 +79,11 @@ impl Figure {
                     @for (index, name) in self.names().iter().enumerate().filter(|(_, name)| !name.is_empty()) {
                         li { (swatch(self.first_of(name), index)) (name) }
                     }
-                    @for map in self.panels.iter().filter_map(|panel| panel.heat_map.as_ref()) {
-                        @let [low, high] = map.range();
+                    @for (quantity, [low, high], unit) in self.heat_scales() {
                         li {
-                            (map.quantity) ": " (number(low, 3))
+                            (quantity) ": " (number(low, 3))
                             span.scale style={ "background:" (colours::heat_gradient()) } {}
-                            (number(high, 3)) " " (map.unit)
+                            (number(high, 3)) " " (unit)
                         }
                     }
                 }
@@ -306,6 +321,7 @@ pub struct HeatMap {
     pub(crate) x_edges: Vec<f64>,
     pub(crate) y_edges: Vec<f64>,
     pub(crate) values: Vec<Vec<f64>>,
+    scale: Option<[f64; 2]>,
 }
 
 impl HeatMap {
@@ -324,11 +340,23 @@ impl HeatMap {
             x_edges: x_edges.into_iter().collect(),
             y_edges: y_edges.into_iter().collect(),
             values,
+            scale: None,
         }
     }
 
-    /// Smallest and largest value.
+    /// Colours from this value to that one instead of from its own smallest to its own largest, so that maps beside each other can be
+    /// compared; maps of one quantity on one scale have one legend.
+    #[must_use]
+    pub fn on_scale(mut self, from: f64, to: f64) -> Self {
+        self.scale = Some([from, to]);
+        self
+    }
+
+    /// Values of the first and the last colour.
     pub(crate) fn range(&self) -> [f64; 2] {
+        if let Some(scale) = self.scale {
+            return scale;
+        }
         let all = self.values.iter().flatten().filter(|v| v.is_finite());
         let [low, high] = all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
             [low.min(*v), high.max(*v)]

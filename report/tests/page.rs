@@ -132,3 +132,21 @@ fn published_values_are_told_from_ones_own() {
     assert!(html.contains(r#"<td class="number"><span class="published">34.96</span></td>"#));
     assert!(html.contains(r##"<a href="#s">s</a>"##) && html.contains(r#"<section id="s">"#));
 }
+
+#[test]
+fn maps_on_one_scale_are_coloured_alike_and_explained_once() {
+    let panel = |value: f64, scaled: bool| {
+        let map = HeatMap::new("share", "", [0.0, 1.0], [0.0, 1.0], vec![vec![value]]);
+        let map = if scaled { map.on_scale(0.0, 0.8) } else { map };
+        Panel::new(Axis::new("x", ""), Axis::new("y", "")).heat_map(map)
+    };
+    let html = |scaled| {
+        let figure = Figure::new("")
+            .panel(panel(0.2, scaled))
+            .panel(panel(0.8, scaled));
+        let section = Section::new("s", "s").figure(figure);
+        Page::new("t", "v").section(section).to_html()
+    };
+    let legends = |html: &str| html.matches("class=\"scale\"").count();
+    assert_eq!([legends(&html(true)), legends(&html(false))], [1, 2]);
+}

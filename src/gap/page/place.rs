@@ -112,13 +112,17 @@ fn regimes(joints: &[&JointReport]) -> Option<Figure> {
         bands.map(|band| band.share).collect::<Vec<f64>>()
     };
     let bands = ("frequency, Hz", joints.iter().map(of_bands).collect());
-    for (name, values) in shares.chain([bands]) {
+    let all: Vec<(&str, Vec<Vec<f64>>)> = shares.chain([bands]).collect();
+    let every_share = all.iter().flat_map(|(_, values)| values.iter().flatten());
+    let largest = every_share.copied().fold(0.0, f64::max);
+    for (name, values) in all {
         let columns = values.iter().map(Vec::len).max().unwrap_or(0);
         if columns == 0 {
             continue;
         }
         panels += 1;
-        let map = HeatMap::new("share", "", edges(columns), edges(joints.len()), values);
+        let map = HeatMap::new("share", "", edges(columns), edges(joints.len()), values)
+            .on_scale(0.0, largest);
         let numbers = (1..=columns).map(|range| range.to_string());
         let panel = Panel::new(
             Axis::categories("range, low to high", numbers),
