@@ -71,13 +71,6 @@ impl Explanation {
         !self.refined.model.terms.is_empty() || self.remains() != Remains::Nothing
     }
 
-    /// Says that a torque is left over this that is worth so many nats.
-    pub(crate) fn leave(&mut self, over: &'static str, nats: f64) {
-        if let Some(last) = self.rounds.last_mut() {
-            last.structure.push((over, nats));
-        }
-    }
-
     /// Half the squares and strain that the effects that were added take off, in units of noise and twin error.
     pub fn named_gain(&self) -> f64 {
         self.named_gain
