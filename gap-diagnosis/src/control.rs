@@ -89,21 +89,23 @@ fn tracking_rad_s(rate_hz: f64) -> f64 {
 }
 
 /// A recorded motion without its encoder's steps, joint side, where these are so coarse that a rotor held on them would leap with each:
-/// the real one did not, and leaps average friction away. None where they are fine.
+/// the real one did not, and leaps average friction away. None where they are fine, or rows come so slowly that it would lose of what
+/// is compared, up to `compared_hz`.
 ///
 /// # Errors
 /// [`FilterError`].
 pub(crate) fn without_leaps(
     motor_rad: &[f64],
     step_rad: f64,
-    rate_hz: f64,
+    [compared_hz, rate_hz]: [f64; 2],
 ) -> Result<Option<Vec<f64>>, FilterError> {
     let bandwidth_rad_s = tracking_rad_s(rate_hz);
+    let cutoff_hz = SMOOTH * bandwidth_rad_s / TAU;
     // what holds it is a damper of twice the bandwidth and the inertia
-    if 2.0 * bandwidth_rad_s * step_rad <= LEAP_MOST_RAD_S {
+    let is_fine = 2.0 * bandwidth_rad_s * step_rad <= LEAP_MOST_RAD_S;
+    if is_fine || cutoff_hz <= compared_hz {
         return Ok(None);
     }
-    let cutoff_hz = SMOOTH * bandwidth_rad_s / TAU;
     low_pass(motor_rad, cutoff_hz, rate_hz).map(Some)
 }
 
@@ -147,8 +149,17 @@ mod tests {
             let all = (0..4000).map(swing_rad);
             all.map(|rad| (rad / step_rad).round() * step_rad).collect()
         };
-        assert_eq!(without_leaps(&seen(1e-5), 1e-5, 1000.0).unwrap(), None);
-        let smooth_rad = without_leaps(&seen(1e-3), 1e-3, 1000.0).unwrap().unwrap();
+        assert_eq!(
+            without_leaps(&seen(1e-5), 1e-5, [15.0, 1000.0]).unwrap(),
+            None
+        );
+        assert_eq!(
+            without_leaps(&seen(1e-3), 1e-3, [15.0, 190.0]).unwrap(),
+            None
+        );
+        let smooth_rad = without_leaps(&seen(1e-3), 1e-3, [15.0, 1000.0])
+            .unwrap()
+            .unwrap();
         for (k, rad) in (0..4000).zip(smooth_rad) {
             assert!((rad - swing_rad(k)).abs() < 5e-4, "{k}: {rad}");
         }
@@ -165,7 +176,7 @@ mod tests {
             let samples = shown_rad.len();
             let mut feedback = tracking(&robot, 0, 1000.0);
             if smooth {
-                feedback.smooth_rad = without_leaps(&shown_rad, STEP_RAD, 1000.0).unwrap();
+                feedback.smooth_rad = without_leaps(&shown_rad, STEP_RAD, [15.0, 1000.0]).unwrap();
             }
             let load = Load {
                 position_rad: (0..samples).map(at_rad).collect(),
