@@ -5,8 +5,8 @@
 //! estimator running over a recording, thresholds and memory included.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
-use levenberg_marquardt_nalgebra::storage::Owned;
-use levenberg_marquardt_nalgebra::{DMatrix, DVector, Dyn};
+use nalgebra::storage::Owned;
+use nalgebra::{DMatrix, DVector, Dyn};
 use serde::Serialize;
 
 /// One parameter of a fit.

@@ -1,8 +1,8 @@
 //! The fit of eq (7): linear but for `Vc`, which has bounds.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
-use levenberg_marquardt_nalgebra::storage::Owned;
-use levenberg_marquardt_nalgebra::{DVector, Dyn, OMatrix, U4, Vector4};
+use nalgebra::storage::Owned;
+use nalgebra::{DVector, Dyn, OMatrix, U4, Vector4};
 
 use super::least_squares::solve;
 use super::speeds::Point;
