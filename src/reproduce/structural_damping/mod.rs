@@ -18,7 +18,6 @@ use std::path::{Path, PathBuf};
 
 use estimators::calibrate::{Reference, calibrate};
 use estimators::compare::Judge;
-use recording::Recording;
 use report::Section;
 use robot::{EstimatorParameters, Robot};
 use serde::Serialize;
@@ -42,7 +41,7 @@ const PAGE_FILE: &str = "report.html";
 const ROBOT: &str = "shd17";
 /// The judged motion without any change.
 const UNCHANGED: &str = "as calibrated";
-/// The same by estimators that never saw a torque sensor.
+/// The same by estimators that never saw a torque sensor: calibrated on known bodies in slow motion, judged with the sensor.
 const SENSORLESS: &str = "calibrated on gravity";
 
 /// Everything found, for programs.
@@ -172,8 +171,13 @@ fn experiment(
     let (_, first) = stage.record(&motions.calibration, &[], motions.calibration.name)?;
     let (path, second) = stage.record(&motions.judgement, &[], motions.judgement.name)?;
     let joint = &robot.joints[0];
-    let by_sensor =
-        calibrate(&first, &robot, joint, Reference::JointTorque).map_err(CliError::input)?;
+    let calibrated_on = |reference| calibrate(&first, &robot, joint, reference);
+    let (by_sensor, by_gravity) = rayon::join(
+        || calibrated_on(Reference::JointTorque),
+        || calibrated_on(Reference::Gravity),
+    );
+    let by_sensor = by_sensor.map_err(CliError::input)?;
+    let by_gravity = by_gravity.map_err(CliError::input)?;
     let fits = table::fits(&by_sensor);
     let robot_file = out.join("calibrated.toml");
     let calibrated = equipped(by_sensor.parameters, Some(&robot_file))?;
@@ -185,7 +189,7 @@ fn experiment(
             change: UNCHANGED,
             estimators: judged.estimators.clone(),
         },
-        sensorless(&first, &second, &robot)?,
+        changes::scored(SENSORLESS, &second, &equipped(by_gravity.parameters, None)?)?,
     ];
     changed.extend(changes::run(&stage, &calibrated, &motions.judgement)?);
     let pushed = Pushed {
@@ -202,13 +206,6 @@ fn experiment(
         collisions,
     };
     Ok((joint, judged))
-}
-
-/// Calibrated on known bodies in slow motion, judged with the torque sensor.
-fn sensorless(first: &Recording, second: &Recording, robot: &Robot) -> Result<Changed, CliError> {
-    let by_gravity =
-        calibrate(first, robot, &robot.joints[0], Reference::Gravity).map_err(CliError::input)?;
-    changes::scored(SENSORLESS, second, &equipped(by_gravity.parameters, None)?)
 }
 
 /// The joint's robot with calibrated estimators, written to a file where one is named.
