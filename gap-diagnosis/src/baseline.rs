@@ -75,7 +75,7 @@ fn choices(round: &Round, method: Baseline) -> Vec<Choice> {
     let target = DVector::from_column_slice(&linear.residual_nm);
     let beside: &[Vec<f64>] = match method {
         Baseline::LargestR2 => &[],
-        Baseline::Bic => &linear.known,
+        Baseline::Bic => &linear.known.raw_nm,
     };
     let rows = target.len() as f64;
     let (without, _) = least_squares(beside, &[], &target);

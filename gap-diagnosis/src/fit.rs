@@ -64,15 +64,22 @@ struct Products {
     rows: usize,
 }
 
+/// A regression on all rows.
+#[derive(Clone, Debug)]
+pub struct Regression {
+    products: Products,
+    bounds: Vec<Bound>,
+}
+
 /// A regression whose rows lie in blocks of time.
 #[derive(Clone, Debug)]
 pub struct Blocks {
-    all: Products,
+    /// On the rows of all blocks.
+    pub all: Regression,
     /// Of each block alone.
     held_out: Vec<Products>,
     /// Of all but each block and its neighbourhood.
     learnt: Vec<Products>,
-    bounds: Vec<Bound>,
 }
 
 /// Coefficients of a choice of columns.
@@ -142,16 +149,27 @@ impl Products {
         }
     }
 
-    fn of(x: &DMatrix<f64>, y: &DVector<f64>, rows: &[usize]) -> Self {
-        let x = x.select_rows(rows);
-        let y = y.select_rows(rows);
-        Self {
-            columns: x.tr_mul(&x),
-            target: x.tr_mul(&y),
-            pull: DVector::zeros(x.ncols()),
-            square: y.norm_squared(),
-            rows: rows.len(),
+    fn of(x: &DMatrix<f64>, y: &DVector<f64>) -> Self {
+        let count = x.ncols();
+        let mut columns = DMatrix::zeros(count, count);
+        for one in 0..count {
+            for other in 0..=one {
+                let product = x.column(one).dot(&x.column(other));
+                columns[(one, other)] = product;
+                columns[(other, one)] = product;
+            }
         }
+        Self {
+            columns,
+            target: x.tr_mul(y),
+            pull: DVector::zeros(count),
+            square: y.norm_squared(),
+            rows: y.len(),
+        }
+    }
+
+    fn of_rows(x: &DMatrix<f64>, y: &DVector<f64>, rows: &[usize]) -> Self {
+        Self::of(&x.select_rows(rows), &y.select_rows(rows))
     }
 
     fn add(&mut self, other: &Self, factor: f64) {
@@ -190,19 +208,19 @@ impl Products {
         for (x, &i) in value.iter_mut().zip(chosen) {
             *x = x.clamp(bounds[i].range[0], bounds[i].range[1]);
         }
+        let columns = DMatrix::from_fn(chosen.len(), chosen.len(), |a, b| {
+            self.columns[(chosen[a], chosen[b])]
+        });
+        let mut value = DVector::from_vec(value);
         for _ in 0..SWEEPS {
             let mut moved = 0.0_f64;
             for (a, &i) in chosen.iter().enumerate() {
-                let diagonal = self.columns[(i, i)] + bounds[i].precision;
+                let own = columns[(a, a)];
+                let diagonal = own + bounds[i].precision;
                 if diagonal <= 0.0 {
                     continue;
                 }
-                let others: f64 = chosen
-                    .iter()
-                    .enumerate()
-                    .filter(|(b, _)| *b != a)
-                    .map(|(b, &j)| self.columns[(i, j)] * value[b])
-                    .sum();
+                let others = columns.column(a).dot(&value) - own * value[a];
                 let [low, high] = bounds[i].range;
                 let next = ((self.target[i] + self.pull[i] - others) / diagonal).clamp(low, high);
                 moved = moved.max((next - value[a]).abs() * diagonal.sqrt());
@@ -212,7 +230,7 @@ impl Products {
                 break;
             }
         }
-        value
+        value.as_slice().to_vec()
     }
 
     /// Sum of squares that the best coefficients without limits and priors leave: columns may depend on one another.
@@ -256,107 +274,70 @@ impl Products {
     }
 }
 
-impl Blocks {
-    /// From whitened columns and target.
-    pub fn new(columns: &[Vec<f64>], target: &[f64], bounds: Vec<Bound>, rows: &[Row]) -> Self {
-        let x = DMatrix::from_fn(target.len(), columns.len(), |row, column| {
-            columns[column][row]
-        });
-        let y = DVector::from_column_slice(target);
-        let blocks = block_of(rows);
-        let times_s = laid_end_to_end(rows);
-        let span: Vec<Range<f64>> = (0..BLOCKS)
-            .map(|block| {
-                let inside = || (0..rows.len()).filter(|k| blocks[*k] == block);
-                let from = inside().map(|k| times_s[k]).fold(f64::INFINITY, f64::min);
-                let to = inside().map(|k| times_s[k]).fold(0.0, f64::max);
-                from - GUARD_S..to + GUARD_S
-            })
-            .collect();
-        let select = |keep: &dyn Fn(usize) -> bool| -> Vec<usize> {
-            (0..rows.len()).filter(|k| keep(*k)).collect()
-        };
-        let held_out: Vec<Products> = (0..BLOCKS)
-            .map(|block| Products::of(&x, &y, &select(&|k| blocks[k] == block)))
-            .collect();
-        let mut all = Products::zero(columns.len());
-        for products in &held_out {
-            all.add(products, 1.0);
-        }
-        let learnt = (0..BLOCKS)
-            .map(|block| {
-                let near = select(&|k| blocks[k] != block && span[block].contains(&times_s[k]));
-                let mut learnt = all.clone();
-                learnt.add(&held_out[block], -1.0);
-                learnt.add(&Products::of(&x, &y, &near), -1.0);
-                learnt
-            })
-            .collect();
-        Self {
-            all,
-            held_out,
-            learnt,
-            bounds,
-        }
+/// Columns side by side, of so many rows each.
+pub(crate) fn matrix<'a>(
+    columns: impl IntoIterator<Item = &'a Vec<f64>>,
+    rows: usize,
+) -> DMatrix<f64> {
+    let (mut values, mut count) = (Vec::new(), 0);
+    for column in columns {
+        values.extend_from_slice(column);
+        count += 1;
     }
+    DMatrix::from_vec(rows, count, values)
+}
 
-    /// Priors about other values than zero.
-    #[must_use]
-    pub fn with_prior_means(mut self, means: &[f64]) -> Self {
-        let pulled = DVector::from_fn(means.len(), |i, _| self.bounds[i].precision * means[i]);
-        for products in self.learnt.iter_mut().chain([&mut self.all]) {
-            products.pull += &pulled;
+/// Precision times mean of each column's prior, where means are given.
+fn pull(bounds: &[Bound], prior_means: &[f64]) -> DVector<f64> {
+    DVector::from_fn(bounds.len(), |i, _| {
+        bounds[i].precision * prior_means.get(i).copied().unwrap_or(0.0)
+    })
+}
+
+impl Regression {
+    /// From whitened columns and target, and means of the priors where they are not zero.
+    pub fn new<'a>(
+        columns: impl IntoIterator<Item = &'a Vec<f64>>,
+        target: &[f64],
+        bounds: &[Bound],
+        prior_means: &[f64],
+    ) -> Self {
+        let x = matrix(columns, target.len());
+        let y = DVector::from_column_slice(target);
+        Self {
+            products: Products {
+                pull: pull(bounds, prior_means),
+                ..Products::of(&x, &y)
+            },
+            bounds: bounds.to_vec(),
         }
-        self
     }
 
     /// How many rows.
     pub fn rows(&self) -> usize {
-        self.all.rows
+        self.products.rows
     }
 
-    /// Fits a choice of columns to all rows.
+    /// Fits a choice of columns.
     pub fn fit(&self, chosen: &[usize]) -> Fit {
-        let coefficients = self.all.solve(chosen, &self.bounds);
+        let coefficients = self.products.solve(chosen, &self.bounds);
         Fit {
-            square: self.all.left(chosen, &coefficients),
+            square: self.products.left(chosen, &coefficients),
             coefficients,
         }
-    }
-
-    /// Fits a choice of columns to all rows but a block, for each block, and predicts that.
-    pub fn held_out(&self, chosen: &[usize]) -> HeldOut {
-        let square = self
-            .learnt
-            .iter()
-            .zip(&self.held_out)
-            .map(|(learnt, held_out)| {
-                let coefficients = learnt.solve(chosen, &self.bounds);
-                held_out.left(chosen, &coefficients)
-            })
-            .collect();
-        HeldOut { square }
-    }
-
-    /// Coefficients fitted to all rows but a block, for each block.
-    pub fn folds(&self, chosen: &[usize]) -> Vec<Vec<f64>> {
-        self.learnt
-            .iter()
-            .map(|learnt| learnt.solve(chosen, &self.bounds))
-            .collect()
     }
 
     /// Information about some columns' coefficients, with others refitted beside them: matrix and vector of the normal
     /// equations after the others are eliminated.
     pub fn information(&self, beside: &[usize], chosen: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
-        let products = &self.all.columns;
+        let products = &self.products.columns;
         let between = DMatrix::from_fn(beside.len(), chosen.len(), |a, b| {
             products[(beside[a], chosen[b])]
         });
         let own = DMatrix::from_fn(chosen.len(), chosen.len(), |a, b| {
             products[(chosen[a], chosen[b])]
         });
-        let target = DVector::from_fn(chosen.len(), |a, _| self.all.target[chosen[a]]);
+        let target = DVector::from_fn(chosen.len(), |a, _| self.products.target[chosen[a]]);
         let others = DMatrix::from_fn(beside.len(), beside.len(), |a, b| {
             let prior = if a == b {
                 self.bounds[beside[a]].precision + 1e-9 * products[(beside[a], beside[a])]
@@ -366,7 +347,7 @@ impl Blocks {
             products[(beside[a], beside[b])] + prior
         });
         let others_target = DVector::from_fn(beside.len(), |a, _| {
-            self.all.target[beside[a]] + self.all.pull[beside[a]]
+            self.products.target[beside[a]] + self.products.pull[beside[a]]
         });
         let Some(others) = others.cholesky() else {
             return (own, target);
@@ -387,10 +368,12 @@ impl Blocks {
         others: &[usize],
         is_free: bool,
     ) -> f64 {
-        let mut imitated = self.all.clone();
+        let mut imitated = self.products.clone();
         imitated.target = DVector::from_fn(self.bounds.len(), |i, _| {
             let products = chosen.iter().zip(coefficients);
-            products.map(|(&j, a)| a * self.all.columns[(i, j)]).sum()
+            products
+                .map(|(&j, a)| a * self.products.columns[(i, j)])
+                .sum()
         });
         imitated.square = chosen
             .iter()
@@ -403,17 +386,92 @@ impl Blocks {
         let found = imitated.solve(others, &self.bounds);
         imitated.left(others, &found)
     }
+}
+
+impl Blocks {
+    /// From whitened columns and target, and means of the priors where they are not zero.
+    pub fn new<'a>(
+        columns: impl IntoIterator<Item = &'a Vec<f64>>,
+        target: &[f64],
+        bounds: &[Bound],
+        prior_means: &[f64],
+        rows: &[Row],
+    ) -> Self {
+        let x = matrix(columns, target.len());
+        let y = DVector::from_column_slice(target);
+        let blocks = block_of(rows);
+        let times_s = laid_end_to_end(rows);
+        let span: Vec<Range<f64>> = (0..BLOCKS)
+            .map(|block| {
+                let inside = || (0..rows.len()).filter(|k| blocks[*k] == block);
+                let from = inside().map(|k| times_s[k]).fold(f64::INFINITY, f64::min);
+                let to = inside().map(|k| times_s[k]).fold(0.0, f64::max);
+                from - GUARD_S..to + GUARD_S
+            })
+            .collect();
+        let select = |keep: &dyn Fn(usize) -> bool| -> Vec<usize> {
+            (0..rows.len()).filter(|k| keep(*k)).collect()
+        };
+        let held_out: Vec<Products> = (0..BLOCKS)
+            .map(|block| Products::of_rows(&x, &y, &select(&|k| blocks[k] == block)))
+            .collect();
+        let mut all = Products::zero(x.ncols());
+        for products in &held_out {
+            all.add(products, 1.0);
+        }
+        all.pull = pull(bounds, prior_means);
+        let learnt = (0..BLOCKS)
+            .map(|block| {
+                let near = select(&|k| blocks[k] != block && span[block].contains(&times_s[k]));
+                let mut learnt = all.clone();
+                learnt.add(&held_out[block], -1.0);
+                learnt.add(&Products::of_rows(&x, &y, &near), -1.0);
+                learnt
+            })
+            .collect();
+        Self {
+            all: Regression {
+                products: all,
+                bounds: bounds.to_vec(),
+            },
+            held_out,
+            learnt,
+        }
+    }
+
+    /// Fits a choice of columns to all rows but a block, for each block, and predicts that.
+    pub fn held_out(&self, chosen: &[usize]) -> HeldOut {
+        let square = self
+            .learnt
+            .iter()
+            .zip(&self.held_out)
+            .map(|(learnt, held_out)| {
+                let coefficients = learnt.solve(chosen, &self.all.bounds);
+                held_out.left(chosen, &coefficients)
+            })
+            .collect();
+        HeldOut { square }
+    }
+
+    /// Coefficients fitted to all rows but a block, for each block.
+    pub fn folds(&self, chosen: &[usize]) -> Vec<Vec<f64>> {
+        self.learnt
+            .iter()
+            .map(|learnt| learnt.solve(chosen, &self.all.bounds))
+            .collect()
+    }
 
     /// Covariance of a fit's coefficients from the scatter between blocks (Liang and Zeger's sandwich, by blocks).
     pub fn covariance(&self, chosen: &[usize], fit: &Fit) -> DMatrix<f64> {
         let count = chosen.len();
         let information = DMatrix::from_fn(count, count, |a, b| {
             let own = if a == b {
-                self.bounds[chosen[a]].precision + 1e-9 * self.all.columns[(chosen[a], chosen[a])]
+                self.all.bounds[chosen[a]].precision
+                    + 1e-9 * self.all.products.columns[(chosen[a], chosen[a])]
             } else {
                 0.0
             };
-            self.all.columns[(chosen[a], chosen[b])] + own
+            self.all.products.columns[(chosen[a], chosen[b])] + own
         });
         let Some(inverse) = information.clone().cholesky().map(|own| own.inverse()) else {
             return DMatrix::from_diagonal_element(count, count, f64::INFINITY);
@@ -433,13 +491,13 @@ impl Blocks {
         // what is held by a prior is as unsure as the prior, however small the residual is
         let priors = DMatrix::from_fn(count, count, |a, b| {
             if a == b {
-                self.bounds[chosen[a]].precision
+                self.all.bounds[chosen[a]].precision
             } else {
                 0.0
             }
         });
         // never surer than independent samples of the remaining size would make it
-        let freedom = self.all.rows.saturating_sub(count).max(1) as f64;
+        let freedom = self.all.products.rows.saturating_sub(count).max(1) as f64;
         let independent = (&information - &priors) * (fit.square / freedom);
         let between = &inverse * (scatter + &priors) * &inverse;
         let within = &inverse * (independent + &priors) * &inverse;
@@ -465,13 +523,13 @@ mod tests {
         let a: Vec<f64> = (0..200).map(|k| (0.3 * f64::from(k)).sin()).collect();
         let b: Vec<f64> = (0..200).map(|k| (0.17 * f64::from(k)).cos()).collect();
         let y: Vec<f64> = a.iter().zip(&b).map(|(a, b)| 2.0 * a - 3.0 * b).collect();
-        Blocks::new(&[a, b], &y, bounds, &rows(200))
+        Blocks::new(&[a, b], &y, &bounds, &[], &rows(200))
     }
 
     #[test]
     fn the_coefficients_are_found_and_predict_held_out_blocks() {
         let blocks = blocks(vec![Bound::FREE; 2]);
-        let fit = blocks.fit(&[1, 0]);
+        let fit = blocks.all.fit(&[1, 0]);
         assert!((fit.coefficients[0] + 3.0).abs() < 1e-6);
         assert!((fit.coefficients[1] - 2.0).abs() < 1e-6);
         assert!(blocks.held_out(&[0, 1]).total() < 1e-6);
@@ -481,9 +539,9 @@ mod tests {
     #[test]
     fn bounds_hold_and_the_rest_makes_the_best_of_it() {
         let blocks = blocks(vec![Bound::FREE, Bound::POSITIVE]);
-        let fit = blocks.fit(&[0, 1]);
+        let fit = blocks.all.fit(&[0, 1]);
         assert_eq!(fit.coefficients[1], 0.0);
-        let alone = blocks.fit(&[0]);
+        let alone = blocks.all.fit(&[0]);
         assert!((fit.coefficients[0] - alone.coefficients[0]).abs() < 1e-6);
     }
 
@@ -493,17 +551,20 @@ mod tests {
         let b: Vec<f64> = (0..200).map(|k| (0.17 * f64::from(k)).cos()).collect();
         let both: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
         let columns = [a.clone(), a, b, both, vec![0.0; 200]];
-        let blocks = Blocks::new(&columns, &columns[0], vec![Bound::FREE; 5], &rows(200));
-        assert!(blocks.distance(&[3], &[2.0], &[0, 1, 2, 4], true) < 1e-6);
-        let whole = blocks.distance(&[2], &[1.0], &[], true);
-        let left = blocks.distance(&[2], &[1.0], &[0, 1, 4], true);
+        let regression = Regression::new(&columns, &columns[0], &[Bound::FREE; 5], &[]);
+        let distance = |of: usize, size: f64, others: &[usize]| {
+            regression.distance(&[of], &[size], others, true)
+        };
+        assert!(distance(3, 2.0, &[0, 1, 2, 4]) < 1e-6);
+        let whole = distance(2, 1.0, &[]);
+        let left = distance(2, 1.0, &[0, 1, 4]);
         assert!(left > 0.9 * whole && left <= whole, "{left} of {whole}");
     }
 
     #[test]
     fn a_column_is_imitated_by_itself_and_not_by_another() {
-        let blocks = blocks(vec![Bound::FREE; 2]);
-        assert!(blocks.distance(&[0], &[2.0], &[0], false) < 1e-6);
-        assert!(blocks.distance(&[0], &[2.0], &[1], true) > 300.0);
+        let regression = blocks(vec![Bound::FREE; 2]).all;
+        assert!(regression.distance(&[0], &[2.0], &[0], false) < 1e-6);
+        assert!(regression.distance(&[0], &[2.0], &[1], true) > 300.0);
     }
 }

@@ -8,7 +8,7 @@ use joint_model::rigid_body::{Chain, ChainError, Link};
 use robot::{Robot, Tolerance};
 
 use crate::joint::{Harmonic, JointModel};
-use crate::load::{Load, LoadChange, Motion};
+use crate::load::{LoadChange, Motion};
 
 /// Values of links whose tolerance moves the joint's torque less than this part of what the most important one does do not
 /// count.
@@ -365,11 +365,12 @@ pub fn of_joint(
 }
 
 /// How a load changes with inertia added to the joint's link about its axis, per kg m².
-pub fn link_inertia(robot: &Robot, joint: usize, motion: &Motion, load: &Load) -> LoadChange {
-    match with_link_inertia(robot, joint, 1.0) {
-        Ok(chain) => LoadChange::between(load, &motion.load(&chain, joint)),
-        Err(_) => LoadChange::default(),
-    }
+pub fn link_inertia(robot: &Robot, joint: usize, motion: &Motion) -> LoadChange {
+    let Ok(chain) = with_link_inertia(robot, joint, 1.0) else {
+        return LoadChange::default();
+    };
+    let [from, to] = [&robot.chain, &chain].map(|chain| motion.at_knots(chain, joint));
+    LoadChange::between(&from, &to)
 }
 
 /// What can be taken off a link's inertia about its joint's axis and leave a body: no more than it has, and not so much that
@@ -426,7 +427,7 @@ pub fn of_links(
         });
     let loads: Vec<_> = motions
         .iter()
-        .map(|motion| motion.load(&robot.chain, joint))
+        .map(|motion| motion.at_knots(&robot.chain, joint))
         .collect();
     let mut found: Vec<(KnownValue, Vec<LoadChange>, f64)> = Vec::new();
     for value in all {
@@ -440,14 +441,14 @@ pub fn of_links(
             .iter()
             .zip(&loads)
             .map(|(motion, load)| {
-                LoadChange::between(load, &motion.load(&other, joint))
+                LoadChange::between(load, &motion.at_knots(&other, joint))
                     .times(value.deviation / LINK_STEP)
             })
             .collect();
         let sizes_nm = changes
             .iter()
             .zip(motions)
-            .map(|(change, motion)| change.rms_nm(motion.acceleration_rad_s2(joint)));
+            .map(|(change, motion)| motion.rms_nm(joint, change));
         let size_nm = sizes_nm.fold(0.0, f64::max);
         found.push((value, changes, size_nm));
     }

@@ -37,72 +37,49 @@ pub struct Load {
     pub slope_nm_rad: Vec<f64>,
 }
 
-impl Load {
-    /// Adds the difference of two loads, times a factor.
-    pub fn add(&mut self, change: &LoadChange, factor: f64) {
-        let add = |mine: &mut Vec<f64>, change: &[f64]| {
-            for (value, change) in mine.iter_mut().zip(change) {
-                *value += factor * change;
-            }
-        };
-        add(&mut self.inertia_kg_m2, &change.inertia_kg_m2);
-        add(&mut self.torque_nm, &change.torque_nm);
-        add(&mut self.slope_nm_rad, &change.slope_nm_rad);
-    }
-}
-
-/// How a load changes with one property of the rigid bodies.
+/// How a load changes with one property of the rigid bodies, where loads are computed.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct LoadChange {
-    inertia_kg_m2: Vec<f64>,
-    torque_nm: Vec<f64>,
-    slope_nm_rad: Vec<f64>,
-}
+pub struct LoadChange(Vec<AtKnot>);
 
 impl LoadChange {
     /// From one load to another of the same motion.
-    pub fn between(from: &Load, to: &Load) -> Self {
-        let difference =
-            |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| b - a).collect() };
-        Self {
-            inertia_kg_m2: difference(&from.inertia_kg_m2, &to.inertia_kg_m2),
-            torque_nm: difference(&from.torque_nm, &to.torque_nm),
-            slope_nm_rad: difference(&from.slope_nm_rad, &to.slope_nm_rad),
+    pub(crate) fn between(from: &[AtKnot], to: &[AtKnot]) -> Self {
+        let both = from.iter().zip(to);
+        Self(both.map(|(from, to)| to.plus(-1.0, from)).collect())
+    }
+
+    /// Adds another of the same motion, times a factor.
+    pub fn add(&mut self, other: &Self, factor: f64) {
+        if self.0.is_empty() {
+            self.0 = vec![AtKnot::default(); other.0.len()];
+        }
+        for (sum, other) in self.0.iter_mut().zip(&other.0) {
+            *sum = sum.plus(factor, other);
         }
     }
 
     /// Scaled.
     #[must_use]
-    pub fn times(mut self, factor: f64) -> Self {
-        for column in [
-            &mut self.inertia_kg_m2,
-            &mut self.torque_nm,
-            &mut self.slope_nm_rad,
-        ] {
-            column.iter_mut().for_each(|value| *value *= factor);
-        }
-        self
+    pub fn times(&self, factor: f64) -> Self {
+        let mut scaled = Self::default();
+        scaled.add(self, factor);
+        scaled
     }
 
     #[cfg(test)]
     pub(crate) fn largest_difference(&self, other: &Self) -> f64 {
-        let columns = [
-            (&self.inertia_kg_m2, &other.inertia_kg_m2),
-            (&self.torque_nm, &other.torque_nm),
-            (&self.slope_nm_rad, &other.slope_nm_rad),
-        ];
-        let all = columns.into_iter().flat_map(|(a, b)| a.iter().zip(b));
-        all.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-    }
-
-    /// Root mean square of the torque it takes to move the joint so.
-    pub fn rms_nm(&self, acceleration_rad_s2: &[f64]) -> f64 {
-        let count = self.torque_nm.len().max(1) as f64;
-        let rows = self.torque_nm.iter().zip(&self.inertia_kg_m2);
-        let torques_nm = rows
-            .zip(acceleration_rad_s2)
-            .map(|((torque_nm, inertia_kg_m2), a)| torque_nm + inertia_kg_m2 * a);
-        (torques_nm.map(|x| x * x).sum::<f64>() / count).sqrt()
+        let both = self.0.iter().zip(&other.0);
+        let differences = both.map(|(a, b)| {
+            let AtKnot {
+                torque_nm,
+                gravity_nm,
+                inertia_kg_m2,
+                slope_nm_rad,
+            } = a.plus(-1.0, b);
+            let columns = [torque_nm, gravity_nm, inertia_kg_m2, slope_nm_rad];
+            columns.map(f64::abs).into_iter().fold(0.0, f64::max)
+        });
+        differences.fold(0.0, f64::max)
     }
 }
 
@@ -208,13 +185,16 @@ impl Motion {
     }
 
     /// Every joint's position, velocity and acceleration at a sample.
-    fn at(&self, k: usize) -> [Vec<f64>; 3] {
-        [
-            &self.position_rad,
-            &self.velocity_rad_s,
-            &self.acceleration_rad_s2,
-        ]
-        .map(|columns| columns.iter().map(|column| column[k]).collect())
+    fn at(&self, k: usize, [position, velocity, acceleration]: [&mut [f64]; 3]) {
+        for (at, columns) in [
+            (position, &self.position_rad),
+            (velocity, &self.velocity_rad_s),
+            (acceleration, &self.acceleration_rad_s2),
+        ] {
+            for (value, column) in at.iter_mut().zip(columns) {
+                *value = column[k];
+            }
+        }
     }
 
     /// A joint's velocity.
@@ -240,11 +220,13 @@ impl Motion {
         let count = self.position_rad.len();
         let knots = self.knots(samples);
         let bandwidth_rad_s = std::f64::consts::TAU * cutoff_hz;
+        let mut at = [(); 3].map(|()| vec![0.0; count]);
         let at_knots: Vec<f64> = knots
             .iter()
             .map(|&k| {
-                let [position_rad, velocity_rad_s, _] = self.at(k);
-                let inertia_kg_m2 = mass_column_kg_m2(chain, &position_rad, joint);
+                self.at(k, at.each_mut().map(|values| &mut values[..]));
+                let [position_rad, velocity_rad_s, _] = &at;
+                let inertia_kg_m2 = mass_column_kg_m2(chain, position_rad, joint);
                 let others = (0..count).filter(|other| *other != joint);
                 let square: f64 = others
                     .map(|other| {
@@ -281,17 +263,44 @@ impl Motion {
         }
     }
 
-    /// The change of a load that is so much where loads are computed.
-    pub(crate) fn change(&self, at_knots: &[AtKnot]) -> LoadChange {
+    /// Adds a change along this motion to a load of every so many of its samples.
+    pub fn change(&self, load: &mut Load, change: &LoadChange, every: usize) {
+        let Some(last) = change.0.last() else {
+            return;
+        };
         let samples = self.position_rad.first().map_or(0, Vec::len);
-        let knots = self.knots(samples);
-        let column =
-            |of: fn(&AtKnot) -> f64| interpolate(&knots, samples, |knot| of(&at_knots[knot]));
-        LoadChange {
-            torque_nm: column(|at| at.torque_nm),
-            inertia_kg_m2: column(|at| at.inertia_kg_m2),
-            slope_nm_rad: column(|at| at.slope_nm_rad),
+        let mut between = self.knots(samples);
+        // whatever lies at the last knot or behind it is as there
+        between.push(usize::MAX);
+        let mut knot = 0;
+        for k in 0..load.torque_nm.len() {
+            let sample = k * every;
+            while between[knot + 1] <= sample {
+                knot += 1;
+            }
+            let added = match change.0.get(knot..knot + 2) {
+                Some([before, after]) => {
+                    let steps = (between[knot + 1] - between[knot]) as f64;
+                    let share = (sample - between[knot]) as f64 / steps;
+                    before.plus(share, &after.plus(-1.0, before))
+                }
+                _ => *last,
+            };
+            load.torque_nm[k] += added.torque_nm;
+            load.inertia_kg_m2[k] += added.inertia_kg_m2;
+            load.slope_nm_rad[k] += added.slope_nm_rad;
         }
+    }
+
+    /// Root mean square of the torque by which a changed load moves a joint along this motion.
+    pub fn rms_nm(&self, joint: usize, change: &LoadChange) -> f64 {
+        let acceleration_rad_s2 = self.acceleration_rad_s2(joint);
+        let knots = self.knots(acceleration_rad_s2.len());
+        let square = |(k, at): (&usize, &AtKnot)| {
+            (at.torque_nm + at.inertia_kg_m2 * acceleration_rad_s2[*k]).powi(2)
+        };
+        let squares: f64 = knots.iter().zip(&change.0).map(square).sum();
+        (squares / knots.len().max(1) as f64).sqrt()
     }
 
     /// What one joint of a chain carries where loads are computed.
@@ -302,8 +311,18 @@ impl Motion {
         let mut unit = vec![0.0; count];
         unit[joint] = 1.0;
         let mut out = vec![0.0; count];
+        let [
+            mut position_rad,
+            mut velocity_rad_s,
+            mut acceleration_rad_s2,
+        ] = [(); 3].map(|()| vec![0.0; count]);
         let at = |k: &usize| {
-            let [mut position_rad, velocity_rad_s, mut acceleration_rad_s2] = self.at(*k);
+            let motion = [
+                &mut position_rad[..],
+                &mut velocity_rad_s,
+                &mut acceleration_rad_s2,
+            ];
+            self.at(*k, motion);
             acceleration_rad_s2[joint] = 0.0;
             chain.inverse_dynamics(
                 &position_rad,

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::joint::JointModel;
 use crate::load::Load;
-use crate::simulate::Trace;
+use crate::simulate::{Substeps, Trace};
 use crate::smooth::{low_pass_together, second_difference};
 use crate::stretch::JointStretch;
 
@@ -104,9 +104,16 @@ impl Band {
         }
     }
 
-    /// Every so many samples one is kept.
+    /// Every so many samples one is kept: of those that a run in coarse substeps is made at.
     pub fn stride(&self) -> usize {
-        ((self.rate_hz / (SAMPLES_PER_BAND * self.cutoff_hz)) as usize).max(1)
+        let every = self.every_coarse();
+        let samples = self.rate_hz / (SAMPLES_PER_BAND * self.cutoff_hz);
+        (samples as usize / every * every).max(1)
+    }
+
+    /// Every so many samples a run in coarse substeps has one.
+    pub(crate) fn every_coarse(&self) -> usize {
+        ((Substeps::Coarse.longest_s() * self.rate_hz) as usize).max(1)
     }
 
     /// The channels of a recording.
@@ -131,19 +138,19 @@ impl Band {
         self.each(nominal, &stretch.load, &seen, channels, &mut room)
     }
 
-    /// The same channels of a simulation along that recording. `room` is to work in, whatever was there before.
+    /// The same channels of a simulation under a load that the robot file tells; `reports` tells whether the drive reports its torque
+    /// beside the command. `room` is to work in, whatever was there before.
     ///
     /// # Errors
     /// [`FilterError`] for a cut-off outside zero to half the rate.
     pub(crate) fn simulated(
         &self,
         nominal: &JointModel,
-        stretch: &JointStretch,
+        (load, reports): (&Load, bool),
         trace: &Trace,
         channels: &[Channel],
         room: &mut Room,
     ) -> Result<Vec<Vec<f64>>, FilterError> {
-        let reports = stretch.has_torque_beside_command;
         let seen = Seen {
             motor_rad: &trace.motor_rad,
             link_rad: Some(&trace.link_rad),
@@ -156,7 +163,7 @@ impl Band {
             command_nm: &trace.command_nm,
             joint_torque_nm: Some(&trace.joint_torque_nm),
         };
-        self.each(nominal, &stretch.load, &seen, channels, room)
+        self.each(nominal, load, &seen, channels, room)
     }
 
     fn each(

@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::evidence::{Left, most_by_rest, together, variance_of};
-use crate::fit::{Blocks, HeldOut};
+use crate::fit::{Blocks, HeldOut, matrix};
 use crate::hypothesis::Hypothesis;
 use crate::known::{Known, KnownValue};
 use crate::observe::Channel;
@@ -16,7 +16,7 @@ use crate::refine::Refined;
 use crate::respond::Linear;
 use crate::search::{Model, SLOWEST_LOOP_HZ, Search, Term, strain};
 use crate::shapes::{Family, PUSHES_OVER, evidence_nats, families, foreign_vibration, on_sides};
-use crate::spectrum::{Beside, matrix};
+use crate::spectrum::Beside;
 
 /// Hypotheses whose responses are found anew beside a model with effects.
 const ANEW: usize = 14;
@@ -90,13 +90,18 @@ impl Ranking {
 }
 
 impl Round {
+    fn known_values(&self) -> usize {
+        self.linear.known.white.len()
+    }
+
     /// `d²`: how far one hypothesis, as fitted, is from being imitated by another with known values refitted.
     pub fn distance(&self, one: &Scored, other: &Scored) -> f64 {
-        let others: Vec<usize> = (0..self.linear.known.len())
+        let others: Vec<usize> = (0..self.known_values())
             .chain(other.columns.clone())
             .collect();
         let chosen: Vec<usize> = one.columns.clone().collect();
         self.blocks
+            .all
             .distance(&chosen, &one.amplitudes, &others, false)
     }
 
@@ -105,13 +110,16 @@ impl Round {
         let chosen: Vec<usize> = one.columns.clone().collect();
         let others: Vec<usize> = other.columns.clone().collect();
         self.blocks
+            .all
             .distance(&chosen, &one.amplitudes, &others, true)
     }
 
     /// Squared response of a hypothesis, as fitted.
     pub fn square(&self, one: &Scored) -> f64 {
         let chosen: Vec<usize> = one.columns.clone().collect();
-        self.blocks.distance(&chosen, &one.amplitudes, &[], true)
+        self.blocks
+            .all
+            .distance(&chosen, &one.amplitudes, &[], true)
     }
 
     /// `d²` of a hypothesis, as fitted, from known values that are off by any amount, but for those it is itself a change
@@ -121,7 +129,8 @@ impl Round {
         let others: Vec<usize> = (0..known.len())
             .filter(|k| known[*k].known.effect() != Some(one.hypothesis.effect))
             .collect();
-        let away = |others: &[usize]| self.blocks.distance(&chosen, &one.amplitudes, others, true);
+        let regression = &self.blocks.all;
+        let away = |others: &[usize]| regression.distance(&chosen, &one.amplitudes, others, true);
         let all = away(&others);
         let needed = others
             .iter()
@@ -137,9 +146,9 @@ impl Round {
     /// What this joint says about a hypothesis whose amplitudes several joints share: information matrix and vector,
     /// known values refitted.
     pub fn information(&self, of: &Scored) -> (DMatrix<f64>, DVector<f64>) {
-        let known: Vec<usize> = (0..self.linear.known.len()).collect();
+        let known: Vec<usize> = (0..self.known_values()).collect();
         let chosen: Vec<usize> = of.columns.clone().collect();
-        self.blocks.information(&known, &chosen)
+        self.blocks.all.information(&known, &chosen)
     }
 
     /// The two effects that explain most together, of `leading` and all others, by what fits of their responses leave: the
@@ -187,11 +196,12 @@ impl Round {
 
     /// What fits of these effects' responses leave, by their places in the ranking, and the effects as fitted.
     fn fitted<const COUNT: usize>(&self, effects: [usize; COUNT]) -> (Left, [Term; COUNT]) {
-        let known = self.linear.known.len();
+        let known = self.known_values();
         let of = effects.map(|index| &self.ranking.scored[index]);
         let columns = of.iter().flat_map(|scored| scored.columns.clone());
         let fit = self
             .blocks
+            .all
             .fit(&(0..known).chain(columns).collect::<Vec<_>>());
         let (of_known, mut rest) = fit.coefficients.split_at(known);
         let left = Left {
@@ -216,7 +226,7 @@ impl Search<'_> {
     /// # Errors
     /// [`FilterError`].
     pub fn known_alone(&self, model: &Model) -> Result<Round, FilterError> {
-        let base = self.twin.coarsely(&model.changes(&self.scale))?;
+        let base = self.coarsely_nm(model)?;
         let linear = Linear {
             residual_nm: self.residual_nm(model)?,
             known: self.known_columns(&base, model)?,
@@ -230,7 +240,7 @@ impl Search<'_> {
     /// # Errors
     /// [`FilterError`].
     pub(crate) fn about(&self, round: &Round, model: &Model) -> Result<Round, FilterError> {
-        let base = self.twin.coarsely(&model.changes(&self.scale))?;
+        let base = self.coarsely_nm(model)?;
         let mut round = round.clone();
         round.linear.known = self.known_columns(&base, model)?;
         Ok(round)
@@ -242,7 +252,7 @@ impl Search<'_> {
     /// [`FilterError`].
     pub fn first(&self, model: &Model) -> Result<Round, FilterError> {
         let model = model.clone();
-        let base = self.twin.coarsely(&model.changes(&self.scale))?;
+        let base = self.coarsely_nm(&model)?;
         let residual_nm = self.residual_nm(&model)?;
         let known = self.known_columns(&base, &model)?;
         let mut linear = Linear {
@@ -254,7 +264,7 @@ impl Search<'_> {
         linear
             .hypotheses
             .extend(self.columns(&base, &model, periodic)?);
-        let roughness = self.roughness(&model)?;
+        let roughness = self.roughness(&model, &linear.residual_nm)?;
         Ok(self.round(model, linear, roughness))
     }
 
@@ -280,7 +290,7 @@ impl Search<'_> {
     ) -> Result<Round, FilterError> {
         let mut model = model.clone();
         model.known.resize(self.twin.known.len(), 0.0);
-        let base = self.twin.coarsely(&model.changes(&self.scale))?;
+        let base = self.coarsely_nm(&model)?;
         let mut linear = before.linear.clone();
         linear.residual_nm = self.residual_nm(&model)?;
         let periodic = self.periodic_hypotheses(&model, &linear);
@@ -292,7 +302,7 @@ impl Search<'_> {
         let mut anew: Vec<Hypothesis> = chosen.map(|scored| scored.hypothesis.clone()).collect();
         anew.extend(also.map(Term::at_its_size));
         linear.hypotheses = self.columns(&base, &model, anew)?;
-        let roughness = self.roughness(&model)?;
+        let roughness = self.roughness(&model, &linear.residual_nm)?;
         Ok(self.round(model, linear, roughness))
     }
 
@@ -310,12 +320,10 @@ impl Search<'_> {
     fn scored(&self, model: &Model, linear: &Linear) -> (Ranking, Blocks) {
         let rows = &self.twin.rows;
         let whitener = &self.whitener;
-        let columns: Vec<&Vec<f64>> = linear
-            .known
-            .iter()
-            .chain(linear.hypotheses.iter().flat_map(|(_, columns)| columns))
-            .collect();
+        let columns = linear.hypotheses.iter().flat_map(|(_, columns)| columns);
+        let columns: Vec<&Vec<f64>> = columns.collect();
         let white: Vec<Vec<f64>> = columns.par_iter().map(|c| whitener.apply(c)).collect();
+        let white = linear.known.white.iter().chain(&white);
         let target = whitener.apply(&linear.residual_nm);
         let mut bounds = self.bounds();
         for (k, bound) in bounds.iter_mut().enumerate() {
@@ -327,12 +335,11 @@ impl Search<'_> {
             bounds.extend(columns.iter().map(|_| self.hypothesis_bound(hypothesis)));
         }
         // the prior is about the file's values, not about the model's
-        let mut prior_means: Vec<f64> = model.known.iter().map(|moved| -moved).collect();
-        prior_means.resize(bounds.len(), 0.0);
-        let blocks = Blocks::new(&white, &target, bounds, rows).with_prior_means(&prior_means);
-        let known: Vec<usize> = (0..linear.known.len()).collect();
+        let prior_means: Vec<f64> = model.known.iter().map(|moved| -moved).collect();
+        let blocks = Blocks::new(white, &target, &bounds, &prior_means, rows);
+        let known: Vec<usize> = (0..linear.known.white.len()).collect();
         let none = blocks.held_out(&known);
-        let without = blocks.fit(&known);
+        let without = blocks.all.fit(&known);
         let none_strain = strain(model, &without.coefficients);
         let mut first = known.len();
         let places: Vec<(usize, usize)> = linear
@@ -351,7 +358,7 @@ impl Search<'_> {
             .map(|((hypothesis, own), &(place, count))| {
                 let chosen: Vec<usize> =
                     known.iter().copied().chain(place..place + count).collect();
-                let fit = blocks.fit(&chosen);
+                let fit = blocks.all.fit(&chosen);
                 let amplitudes = fit.coefficients[known.len()..].to_vec();
                 Scored {
                     hypothesis: hypothesis.clone(),
@@ -369,7 +376,7 @@ impl Search<'_> {
             none,
             none_strain,
             scored,
-            rows: blocks.rows(),
+            rows: blocks.all.rows(),
             roughness: 0.0,
             joints: self.twin.joints(),
             file_falls: friction.curve.is_some() || !friction.stribeck.is_empty(),
@@ -396,11 +403,11 @@ impl Search<'_> {
             let columns = columns.iter();
             columns.map(|one| self.whitener.apply(one)).collect()
         };
-        let known = white(&round.linear.known);
+        let known = &round.linear.known.white;
         let target = self.whitener.apply(&refined.residual_nm);
         let mut prior_means: Vec<f64> = refined.model.known.iter().map(|z| -z).collect();
         prior_means.resize(known.len(), 0.0);
-        let beside = Beside::about(&known, &target, &prior_means);
+        let beside = Beside::about(known, &target, &prior_means);
         let worth = |family: &Family| -> f64 {
             let nats = on_sides(family, rows).into_iter().map(|side| {
                 let (information, vector) = beside.information(&matrix(&side.columns, rows.len()));

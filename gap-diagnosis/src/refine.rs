@@ -1,11 +1,15 @@
 //! Models fitted by simulation: Gauss-Newton steps over known values, amplitudes and shapes at once.
 
+use std::ops::Range;
+use std::sync::Arc;
+
 use joint_model::filter::FilterError;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::fit::{Blocks, Bound, block_of};
+use crate::fit::{Blocks, Bound, Regression, block_of};
 use crate::rank::Round;
+use crate::respond::Whitened;
 use crate::search::{Model, Search, Term, difference, strain};
 
 /// The smallest part of a step that is tried.
@@ -19,15 +23,60 @@ const START_SIZES: [f64; 6] = [3.0, 10.0, 30.0, 100.0, 300.0, 1000.0];
 const STEPS: usize = 8;
 const STEPS_MOST: usize = 24;
 const STILL_GAINS: f64 = 0.01;
+/// Part that a step takes off below which it is the last.
+const GAIN_MIN: f64 = 1e-4;
+/// Part by which squares may differ from what coarse substeps made of them, or steps go on from there.
+const AS_EXPECTED: f64 = 1e-3;
 /// Of several starts, the steps that each takes, and how many go on.
 const STEPS_TRIED: usize = 3;
 const STARTS_KEPT: usize = 4;
 
-struct Step {
-    coefficients: Vec<f64>,
-    columns: Vec<Vec<f64>>,
+/// What a fit of values is made to: all in their steps, known values first, then every term's amplitudes and shape.
+#[derive(Clone, Debug, Default)]
+struct Fitted {
+    /// Responses to known values.
+    known: Arc<Whitened>,
+    /// Responses to the terms' values.
+    own: Whitened,
+    /// How far each may still move.
     bounds: Vec<Bound>,
     prior_means: Vec<f64>,
+}
+
+impl Fitted {
+    fn raw_nm(&self) -> impl Iterator<Item = &Vec<f64>> {
+        self.known.raw_nm.iter().chain(&self.own.raw_nm)
+    }
+
+    fn white(&self) -> impl Iterator<Item = &Vec<f64>> {
+        self.known.white.iter().chain(&self.own.white)
+    }
+
+    /// How many values.
+    fn values(&self) -> usize {
+        self.bounds.len()
+    }
+
+    fn all(&self) -> Vec<usize> {
+        (0..self.values()).collect()
+    }
+
+    /// To what is left of all rows.
+    fn regression(&self, search: &Search<'_>, residual_nm: &[f64]) -> Regression {
+        let target = search.whitener.apply(residual_nm);
+        Regression::new(self.white(), &target, &self.bounds, &self.prior_means)
+    }
+}
+
+/// Where steps led.
+struct Way {
+    end: Model,
+    /// What the last of them was found by.
+    fitted: Fitted,
+    /// Squares and strain at the end, in coarse substeps.
+    expected: f64,
+    /// Steps of the fit up to there.
+    count: usize,
 }
 
 /// What a joint tells of an effect that it shares with others.
@@ -47,10 +96,8 @@ pub struct Refined {
     pub model: Model,
     /// What it leaves.
     pub residual_nm: Vec<f64>,
-    /// Responses to known values, then to every term's amplitudes and shape, in their steps.
-    columns: Vec<Vec<f64>>,
-    bounds: Vec<Bound>,
-    prior_means: Vec<f64>,
+    /// What its last step was found by.
+    fitted: Fitted,
 }
 
 /// Sizes of an effect from which it is fitted, rising.
@@ -64,7 +111,8 @@ fn sizes(fitted: &[f64]) -> Vec<Vec<f64>> {
 }
 
 impl Search<'_> {
-    /// Fits known values, amplitudes and shapes of a model to all rows by Gauss-Newton steps.
+    /// Fits known values, amplitudes and shapes of a model to all rows by Gauss-Newton steps: in coarse substeps, until finer ones leave
+    /// what these let expect.
     ///
     /// # Errors
     /// [`FilterError`].
@@ -107,43 +155,79 @@ impl Search<'_> {
         let mut model = start.clone();
         model.known.resize(self.twin.known.len(), 0.0);
         let mut residual_nm = self.residual_nm(&model)?;
-        let mut last = None;
-        for count in 1..=steps_most {
-            let step = self.step(round, &model, &residual_nm)?;
-            let before = self.objective(&model, &residual_nm);
+        let mut fitted = Fitted::default();
+        let mut count = 0;
+        while count < steps_most {
+            let way = self.way(round, &model, &residual_nm, count..steps_most)?;
+            let left_nm = self.residual_nm(&way.end)?;
+            let [before, after] = [(&model, &residual_nm), (&way.end, &left_nm)]
+                .map(|(model, residual_nm)| self.objective(model, residual_nm));
+            count = way.count;
+            // a joint may run away in simulation
+            if after >= before || after.is_nan() {
+                fitted = self.fitted(round, &model)?;
+                break;
+            }
+            fitted = way.fitted;
+            model = way.end;
+            residual_nm = left_nm;
+            if (after - way.expected).abs() < AS_EXPECTED * after {
+                break;
+            }
+        }
+        Ok(Refined {
+            model,
+            residual_nm,
+            fitted,
+        })
+    }
+
+    /// Steps in coarse substeps. What finer ones change is known where they begin, and changes little along them.
+    fn way(
+        &self,
+        round: &Round,
+        start: &Model,
+        residual_nm: &[f64],
+        counts: Range<usize>,
+    ) -> Result<Way, FilterError> {
+        let to_reach_nm = self.to_reach_nm(start, residual_nm)?;
+        let mut way = Way {
+            end: start.clone(),
+            fitted: Fitted::default(),
+            expected: self.objective(start, residual_nm),
+            count: counts.start,
+        };
+        let mut left_nm = residual_nm.to_vec();
+        while way.count < counts.end {
+            way.count += 1;
+            way.fitted = self.fitted(round, &way.end)?;
+            let regression = way.fitted.regression(self, &left_nm);
+            let steps = regression.fit(&way.fitted.all()).coefficients;
             let mut share = 1.0;
             let better = loop {
-                let next = self.moved(&model, &step, share);
-                let left = self.residual_nm(&next)?;
-                let after = self.objective(&next, &left);
-                if after < before {
-                    break Some((next, left, 1.0 - after / before));
+                let next = self.moved(&way.end, &steps, share);
+                let left_nm = difference(&to_reach_nm, &self.coarsely_nm(&next)?);
+                let after = self.objective(&next, &left_nm);
+                if after < way.expected {
+                    break Some((next, left_nm, after));
                 }
                 share *= 0.4;
                 if share < SHARE_MIN {
                     break None;
                 }
             };
-            last = Some(step);
-            let Some((next, left, gain)) = better else {
+            let Some((next, next_nm, after)) = better else {
                 break;
             };
-            model = next;
-            residual_nm = left;
-            if gain < 1e-4 || count >= STEPS && gain < STILL_GAINS {
+            let gain = 1.0 - after / way.expected;
+            way.end = next;
+            way.expected = after;
+            left_nm = next_nm;
+            if gain < GAIN_MIN || way.count >= STEPS && gain < STILL_GAINS {
                 break;
             }
         }
-        let (columns, bounds, prior_means) = last.map_or_else(Default::default, |step: Step| {
-            (step.columns, step.bounds, step.prior_means)
-        });
-        Ok(Refined {
-            model,
-            residual_nm,
-            columns,
-            bounds,
-            prior_means,
-        })
+        Ok(way)
     }
 
     /// Refits a model but for what is settled, and finds what the joint then tells of the amplitudes of the effect that was settled last.
@@ -156,11 +240,8 @@ impl Search<'_> {
         model: &Model,
     ) -> Result<OfSettled, FilterError> {
         let refined = self.refine(round, model)?;
-        let base = self.twin.coarsely(&refined.model.changes(&self.scale))?;
-        let mut columns = round.linear.known.clone();
-        let mut bounds = self.bounds();
-        let mut prior_means: Vec<f64> = refined.model.known.iter().map(|z| -z).collect();
-        let known: Vec<usize> = (0..columns.len()).collect();
+        let base = self.coarsely_nm(&refined.model)?;
+        let mut responses = Vec::new();
         let amplitudes = refined
             .model
             .settled
@@ -171,14 +252,22 @@ impl Search<'_> {
             if let Some(last) = probe.settled.last_mut() {
                 last.amplitudes[index] += 1.0;
             }
-            let response = self.twin.coarsely(&probe.changes(&self.scale))?;
-            columns.push(difference(&response, &base));
-            bounds.push(Bound::FREE);
-            prior_means.push(0.0);
+            let response = self.coarsely_nm(&probe)?;
+            responses.push(difference(&response, &base));
         }
-        let chosen: Vec<usize> = (known.len()..columns.len()).collect();
-        let blocks = self.blocks(&columns, &refined.residual_nm, &bounds, &prior_means);
-        let (matrix, vector) = blocks.information(&known, &chosen);
+        let mut bounds = self.bounds();
+        let (known, chosen): (Vec<usize>, Vec<usize>) =
+            (0..bounds.len() + amplitudes).partition(|value| *value < bounds.len());
+        bounds.resize(bounds.len() + amplitudes, Bound::FREE);
+        let fitted = Fitted {
+            known: Arc::clone(&round.linear.known),
+            own: self.whitened(responses),
+            bounds,
+            prior_means: refined.model.known.iter().map(|z| -z).collect(),
+        };
+        let (matrix, vector) = fitted
+            .regression(self, &refined.residual_nm)
+            .information(&known, &chosen);
         Ok(OfSettled {
             refined,
             matrix,
@@ -193,18 +282,18 @@ impl Search<'_> {
     /// # Errors
     /// [`FilterError`].
     pub fn starts(&self, base: &Refined, terms: &[Term]) -> Result<Vec<Model>, FilterError> {
-        let white: Vec<Vec<f64>> = base
-            .columns
-            .par_iter()
-            .map(|column| self.whitener.apply(column))
-            .collect();
-        let all: Vec<usize> = (0..white.len()).collect();
         let (bounds, prior_means) = self.room(&base.model.known, &base.model.terms);
+        let fitted = Fitted {
+            bounds,
+            prior_means,
+            ..base.fitted.clone()
+        };
+        let all = fitted.all();
+        let to_reach_nm = self.to_reach_nm(&base.model, &base.residual_nm)?;
         let left = |start: &Model| -> Result<f64, FilterError> {
-            let target = self.whitener.apply(&self.coarse_residual_nm(start)?);
-            let blocks = Blocks::new(&white, &target, bounds.clone(), &self.twin.rows)
-                .with_prior_means(&prior_means);
-            let fit = blocks.fit(&all);
+            let left_nm = difference(&to_reach_nm, &self.coarsely_nm(start)?);
+            let regression = fitted.regression(self, &left_nm);
+            let fit = regression.fit(&all);
             let left = fit.square + strain(start, &fit.coefficients[..start.known.len()]);
             // a joint may run away in simulation
             Ok(if left.is_nan() { f64::INFINITY } else { left })
@@ -274,8 +363,9 @@ impl Search<'_> {
         (bounds, prior_means)
     }
 
-    fn step(&self, round: &Round, model: &Model, residual_nm: &[f64]) -> Result<Step, FilterError> {
-        let base = self.twin.coarsely(&model.changes(&self.scale))?;
+    /// Responses of a model's values.
+    fn fitted(&self, round: &Round, model: &Model) -> Result<Fitted, FilterError> {
+        let base = self.coarsely_nm(model)?;
         let mut probes: Vec<Model> = Vec::new();
         for (t, term) in model.terms.iter().enumerate() {
             if !term.hypothesis.is_switch() {
@@ -293,57 +383,36 @@ impl Search<'_> {
                 probes.push(probe);
             }
         }
+        let responses = probes
+            .par_iter()
+            .map(|probe| {
+                let response = self.coarsely_nm(probe)?;
+                Ok(difference(&response, &base))
+            })
+            .collect::<Result<Vec<_>, FilterError>>()?;
         let (bounds, prior_means) = self.room(&model.known, &model.terms);
-        let mut columns = round.linear.known.clone();
-        columns.extend(
-            probes
-                .par_iter()
-                .map(|probe| {
-                    let response = self.twin.coarsely(&probe.changes(&self.scale))?;
-                    Ok(difference(&response, &base))
-                })
-                .collect::<Result<Vec<_>, FilterError>>()?,
-        );
-        let blocks = self.blocks(&columns, residual_nm, &bounds, &prior_means);
-        let all: Vec<usize> = (0..columns.len()).collect();
-        Ok(Step {
-            coefficients: blocks.fit(&all).coefficients,
-            columns,
+        Ok(Fitted {
+            known: Arc::clone(&round.linear.known),
+            own: self.whitened(responses),
             bounds,
             prior_means,
         })
-    }
-
-    /// A regression of raw columns.
-    pub(crate) fn blocks(
-        &self,
-        columns: &[Vec<f64>],
-        residual_nm: &[f64],
-        bounds: &[Bound],
-        prior_means: &[f64],
-    ) -> Blocks {
-        let white: Vec<Vec<f64>> = columns
-            .par_iter()
-            .map(|column| self.whitener.apply(column))
-            .collect();
-        let target = self.whitener.apply(residual_nm);
-        Blocks::new(&white, &target, bounds.to_vec(), &self.twin.rows).with_prior_means(prior_means)
     }
 
     /// What a refined model leaves of every block when it is fitted to the other blocks only, raw; and the covariance of
     /// its values, in steps.
     pub fn held_out(&self, refined: &Refined) -> (Vec<f64>, DMatrix<f64>) {
         let mut left = refined.residual_nm.clone();
-        if refined.columns.is_empty() {
+        let all = refined.fitted.all();
+        if all.is_empty() {
             return (left, DMatrix::zeros(0, 0));
         }
-        let all: Vec<usize> = (0..refined.columns.len()).collect();
         let (blocks, covariance) = self.covariance(refined, &all);
         let block_of = block_of(&self.twin.rows);
         let folds = blocks.folds(&all);
         for (k, value) in left.iter_mut().enumerate() {
             let steps = &folds[block_of[k]];
-            let column = refined.columns.iter().zip(steps);
+            let column = refined.fitted.raw_nm().zip(steps);
             *value -= column.map(|(column, step)| step * column[k]).sum::<f64>();
         }
         (left, covariance)
@@ -357,10 +426,10 @@ impl Search<'_> {
         let last = refined.model.terms.last()?;
         let values = Self::values(&last.hypothesis);
         let sizes = values - usize::from(last.hypothesis.shape_is_free());
-        if sizes == 0 || refined.columns.len() < values {
+        if sizes == 0 || refined.fitted.values() < values {
             return None;
         }
-        let first = refined.columns.len() - values;
+        let first = refined.fitted.values() - values;
         let bounds = self.bounds();
         let is_held = |k: usize| {
             let known = [without.map(|of| &of.model), Some(&refined.model)]
@@ -390,19 +459,21 @@ impl Search<'_> {
 
     /// A regression on a refined model's responses, and the covariance of chosen values, in steps.
     fn covariance(&self, refined: &Refined, chosen: &[usize]) -> (Blocks, DMatrix<f64>) {
-        let blocks = self.blocks(
-            &refined.columns,
-            &refined.residual_nm,
-            &refined.bounds,
-            &refined.prior_means,
-        );
-        let covariance = blocks.covariance(chosen, &blocks.fit(chosen));
+        let Fitted {
+            bounds,
+            prior_means,
+            ..
+        } = &refined.fitted;
+        let white = refined.fitted.white();
+        let target = self.whitener.apply(&refined.residual_nm);
+        let blocks = Blocks::new(white, &target, bounds, prior_means, &self.twin.rows);
+        let covariance = blocks.covariance(chosen, &blocks.all.fit(chosen));
         (blocks, covariance)
     }
 
-    fn moved(&self, model: &Model, step: &Step, share: f64) -> Model {
+    fn moved(&self, model: &Model, steps: &[f64], share: f64) -> Model {
         let mut next = model.clone();
-        let mut steps = step.coefficients.iter().map(|x| share * x);
+        let mut steps = steps.iter().map(|x| share * x);
         for known in &mut next.known {
             *known += steps.next().unwrap_or(0.0);
         }

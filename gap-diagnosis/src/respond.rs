@@ -1,5 +1,7 @@
 //! How a joint's channels respond: to known values, to every effect, and to effects that repeat with an angle.
 
+use std::sync::Arc;
+
 use joint_model::filter::FilterError;
 use rayon::prelude::*;
 
@@ -17,11 +19,18 @@ const PROBE: f64 = 0.3;
 /// A hypothesis with the channels' response to each of its amplitudes.
 pub(crate) type Columns = (Hypothesis, Vec<Vec<f64>>);
 
+/// Responses of the channels, with what the whitener makes of them: many fits are made to the same.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Whitened {
+    pub raw_nm: Vec<Vec<f64>>,
+    pub white: Vec<Vec<f64>>,
+}
+
 /// Responses of the channels about a model.
 #[derive(Clone, Debug)]
 pub(crate) struct Linear {
     pub(crate) residual_nm: Vec<f64>,
-    pub(crate) known: Vec<Vec<f64>>,
+    pub(crate) known: Arc<Whitened>,
     pub(crate) hypotheses: Vec<Columns>,
 }
 
@@ -73,8 +82,8 @@ impl Search<'_> {
         &self,
         base: &[f64],
         model: &Model,
-    ) -> Result<Vec<Vec<f64>>, FilterError> {
-        (0..self.twin.known.len())
+    ) -> Result<Arc<Whitened>, FilterError> {
+        let responses = (0..self.twin.known.len())
             .into_par_iter()
             .map(|index| {
                 let mut column =
@@ -82,7 +91,15 @@ impl Search<'_> {
                 column.iter_mut().for_each(|value| *value /= PROBE);
                 Ok(column)
             })
-            .collect()
+            .collect::<Result<Vec<_>, FilterError>>()?;
+        Ok(Arc::new(self.whitened(responses)))
+    }
+
+    /// Responses with what the whitener makes of them.
+    pub(crate) fn whitened(&self, raw_nm: Vec<Vec<f64>>) -> Whitened {
+        let columns = raw_nm.par_iter();
+        let white = columns.map(|column| self.whitener.apply(column)).collect();
+        Whitened { raw_nm, white }
     }
 
     pub(crate) fn columns(
@@ -110,13 +127,8 @@ impl Search<'_> {
             .collect();
         let there = cycles.len();
         let rows = &self.twin.rows;
-        let known: Vec<Vec<f64>> = linear
-            .known
-            .par_iter()
-            .map(|column| self.whitener.apply(column))
-            .collect();
         let target = self.whitener.apply(&linear.residual_nm);
-        let beside = Beside::new(&known, &target);
+        let beside = Beside::new(&linear.known.white, &target);
         let named = model.terms.iter().map(|term| &term.hypothesis);
         let of_motor = named.filter(|hypothesis| hypothesis.repeats_with_motor());
         let harmonics = of_motor.clone().flat_map(Hypothesis::harmonics);
@@ -132,22 +144,19 @@ impl Search<'_> {
             let beside = beside.only(&places);
             let of_channel: Vec<&Row> = places.iter().map(|k| &rows[*k]).collect();
             for with_direction in [false, true] {
-                let wave = |of: fn(f64) -> f64, cycles: f64| -> Vec<f64> {
-                    let column: Vec<f64> = of_channel
-                        .iter()
-                        .map(|row| {
-                            let value = of(cycles * row.motor_angle_rad);
-                            if with_direction {
-                                value * row.velocity_rad_s.signum()
-                            } else {
-                                value
-                            }
-                        })
-                        .collect();
-                    whitener.apply(&column)
+                let gain = |cycles: f64| {
+                    let waves = of_channel.iter().map(|row| {
+                        let (sin, cos) = (cycles * row.motor_angle_rad).sin_cos();
+                        if with_direction {
+                            let direction = row.velocity_rad_s.signum();
+                            (direction * sin, direction * cos)
+                        } else {
+                            (sin, cos)
+                        }
+                    });
+                    let (sin, cos): (Vec<f64>, Vec<f64>) = waves.unzip();
+                    beside.gain(&whitener.apply(&sin), &whitener.apply(&cos))
                 };
-                let gain =
-                    |cycles: f64| beside.gain(&wave(f64::sin, cycles), &wave(f64::cos, cycles));
                 for found in peaks(&of_channel, most, gain, PEAKS) {
                     if !cycles
                         .iter()

@@ -276,14 +276,26 @@ impl<'a> Search<'a> {
         Ok(difference(&self.measured_nm, &simulated))
     }
 
-    /// The same in coarse substeps, for models that are compared with each other only.
-    pub(crate) fn coarse_residual_nm(&self, model: &Model) -> Result<Vec<f64>, FilterError> {
-        let simulated = self.twin.coarsely(&model.changes(&self.scale))?;
-        Ok(difference(&self.measured_nm, &simulated))
+    /// In coarse substeps, whose runs are compared with each other only.
+    pub(crate) fn coarsely_nm(&self, model: &Model) -> Result<Vec<f64>, FilterError> {
+        self.twin.coarsely(&model.changes(&self.scale))
+    }
+
+    /// What a model's residual is in the long run of coarse substeps: less this run of another model it is what that leaves, as far as
+    /// coarse substeps tell the two apart.
+    pub(crate) fn to_reach_nm(
+        &self,
+        model: &Model,
+        residual_nm: &[f64],
+    ) -> Result<Vec<f64>, FilterError> {
+        let coarse_nm = self.coarsely_nm(model)?;
+        let both = coarse_nm.iter().zip(residual_nm);
+        Ok(both.map(|(simulated, left)| simulated + left).collect())
     }
 
     /// Range of squares and strain over models that differ by next to nothing.
-    pub(crate) fn roughness(&self, model: &Model) -> Result<f64, FilterError> {
+    pub(crate) fn roughness(&self, model: &Model, residual_nm: &[f64]) -> Result<f64, FilterError> {
+        let to_reach_nm = self.to_reach_nm(model, residual_nm)?;
         let objectives = (0..ROUGH_RUNS)
             .into_par_iter()
             .map(|run| {
@@ -295,7 +307,8 @@ impl<'a> Search<'a> {
                     let step = NEXT_TO_NOTHING * (2.0 * random() - 1.0);
                     *known += if of.is_positive() { step.abs() } else { step };
                 }
-                Ok(self.square(&self.coarse_residual_nm(&beside)?))
+                let left_nm = difference(&to_reach_nm, &self.coarsely_nm(&beside)?);
+                Ok(self.square(&left_nm))
             })
             .collect::<Result<Vec<f64>, FilterError>>()?;
         let low = objectives.iter().copied().fold(f64::INFINITY, f64::min);

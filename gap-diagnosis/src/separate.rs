@@ -9,7 +9,7 @@ use recording::Recording;
 use robot::{Effect, Robot};
 
 use crate::diagnose::DiagnoseError;
-use crate::fit::{Blocks, Bound};
+use crate::fit::{Bound, Regression};
 use crate::hypothesis::{Hypothesis, Shown, periodic, plain};
 use crate::mend;
 use crate::observe::Channel;
@@ -193,9 +193,8 @@ impl<'a> Responses<'a> {
             .iter()
             .map(|column| self.search.whitener.apply(column))
             .collect();
-        let blocks = Blocks::new(&white, target_white, bounds, &self.search.twin.rows);
         let all: Vec<usize> = (0..columns.len()).collect();
-        let fit = blocks.fit(&all);
+        let fit = Regression::new(&white, target_white, &bounds, &[]).fit(&all);
         let mut left_nm = target_nm.to_vec();
         for (column, coefficient) in columns.iter().zip(&fit.coefficients) {
             for (left, x) in left_nm.iter_mut().zip(column) {

@@ -90,10 +90,10 @@ pub enum Substeps {
 }
 
 impl Substeps {
-    fn longest_s(self) -> f64 {
+    pub(crate) fn longest_s(self) -> f64 {
         match self {
             Self::Fine => 4e-4,
-            Self::Coarse => 8e-4,
+            Self::Coarse => 1.4e-3,
         }
     }
 }

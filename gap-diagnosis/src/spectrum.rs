@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
+use crate::fit::matrix;
 use crate::twin::Row;
 
 /// Fewest and most cycles per motor turn that are looked for.
@@ -88,11 +89,6 @@ impl Beside {
             .cholesky()
             .map_or(0.0, |matrix| vector.dot(&matrix.solve(&vector)))
     }
-}
-
-/// Columns side by side, of so many rows each.
-pub fn matrix(columns: &[Vec<f64>], rows: usize) -> DMatrix<f64> {
-    DMatrix::from_fn(rows, columns.len(), |row, k| columns[k][row])
 }
 
 /// Cycles per motor turn at which a gain peaks above `GAIN_MIN`, the highest first, as far as the rows' range of angles tells

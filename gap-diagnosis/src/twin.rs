@@ -1,6 +1,7 @@
 //! One joint's twin along all its recordings: what the channels would show if the joint were as told.
 
 mod rows;
+mod thinned;
 
 use std::convert::Infallible;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -24,6 +25,7 @@ use crate::vibration::{Swing, Vibration};
 use crate::whole_arm::WholeArm;
 pub use rows::Row;
 use rows::rows;
+use thinned::Thinned;
 
 /// The beginning of a stretch does not count: nobody knows how far friction and gear were wound up.
 const START_S: f64 = 0.5;
@@ -93,6 +95,8 @@ struct Piece<'a> {
     joint: &'a JointStretch,
     /// Keeps the simulation on the recorded motion.
     tracking: Feedback,
+    /// For coarse substeps, where those are longer than samples are apart.
+    thinned: Option<Thinned>,
     /// The robot file's controller, or the same.
     controller: Feedback,
     band: Band,
@@ -102,7 +106,7 @@ struct Piece<'a> {
     /// How the load changes with payload and tilt.
     whole_arm: WholeArm,
     /// Loads that changes made of the recorded motion's.
-    loads: Remembered<Changes, Arc<Load>>,
+    loads: Remembered<(Changes, Substeps), Arc<Load>>,
     /// Of the motor above the band.
     vibration: Vibration,
     /// Of the thinned samples, those that count.
@@ -330,10 +334,12 @@ impl<'a> JointTwin<'a> {
         let mut all = Vec::with_capacity(self.rows.len());
         for (place, piece) in self.pieces.iter().enumerate() {
             self.run(place, asked, &piece.tracking, trace);
-            let (of_joint, channels) = (piece.joint, &self.channels);
-            let columns = piece
-                .band
-                .simulated(&self.nominal, of_joint, trace, channels, room)?;
+            let (band, load) = match piece.thinned_for(asked.substeps) {
+                Some(thinned) => (thinned.band, &thinned.load),
+                None => (piece.band, &piece.joint.load),
+            };
+            let seen = (load, piece.joint.has_torque_beside_command);
+            let columns = band.simulated(&self.nominal, seen, trace, &self.channels, room)?;
             all.extend(piece.pick(&columns));
         }
         benches().push(bench);
@@ -360,6 +366,7 @@ impl<'a> JointTwin<'a> {
         } = asked;
         let place = piece as u64;
         let piece = &self.pieces[piece];
+        let thinned = piece.thinned_for(*substeps);
         let mut model = self.nominal.clone();
         for (known, deviations) in self.known.iter().zip(&changes.known) {
             if *deviations != 0.0 {
@@ -369,11 +376,17 @@ impl<'a> JointTwin<'a> {
         for effect in &changes.effects {
             model = model.with(effect);
         }
-        let load = self.load(piece, changes);
+        let load = self.load(piece, changes, *substeps);
         let mut sensors = seed.map(|seed| Sensors::new(seed, place));
         let noise = sensors.as_mut().map(|noise| noise as &mut dyn Noise);
         let drive = &piece.joint.drive;
-        simulate(&model, feedback, drive, &load, *substeps, noise, trace);
+        if let Some(thinned) = thinned {
+            let (drive, feedback) = (&thinned.drive, &thinned.tracking);
+            simulate(&model, feedback, drive, &load, *substeps, noise, trace);
+            thinned.put_right(trace);
+        } else {
+            simulate(&model, feedback, drive, &load, *substeps, noise, trace);
+        }
         // what holds the joint is told as the drive would report it: a drive that gives less reports more
         for holding_nm in &mut trace.holding_nm {
             *holding_nm /= model.torque_gain;
@@ -387,7 +400,7 @@ impl<'a> JointTwin<'a> {
     }
 
     /// What the joint carries with these changes.
-    fn load(&self, piece: &Piece<'a>, changes: &Changes) -> Arc<Load> {
+    fn load(&self, piece: &Piece<'a>, changes: &Changes, substeps: Substeps) -> Arc<Load> {
         let is_of_load = |effect: &&Effect| {
             effect.is_whole_arm() || matches!(effect, Effect::LinkInertia { .. })
         };
@@ -398,31 +411,36 @@ impl<'a> JointTwin<'a> {
                 .collect(),
             effects: changes.effects.iter().filter(is_of_load).cloned().collect(),
         };
-        let made = piece.loads.or(of_load.without_rest(), |changes| {
-            Ok::<_, Infallible>(Arc::new(self.changed_load(piece, changes)))
+        let asked = (of_load.without_rest(), substeps);
+        let made = piece.loads.or(asked, |(changes, substeps)| {
+            Ok::<_, Infallible>(Arc::new(self.changed_load(piece, changes, *substeps)))
         });
         match made {
             Ok(load) => load,
         }
     }
 
-    fn changed_load(&self, piece: &Piece<'a>, changes: &Changes) -> Load {
-        let mut load = piece.joint.load.clone();
+    fn changed_load(&self, piece: &Piece<'a>, changes: &Changes, substeps: Substeps) -> Load {
         let motion = &piece.stretch.motion;
         let whole_arm = &piece.whole_arm;
-        if let Some(change) = whole_arm.change(&self.robot.chain, motion, &changes.effects) {
-            load.add(&change, 1.0);
-        }
+        let mut sum = whole_arm
+            .change(&self.robot.chain, motion, &changes.effects)
+            .unwrap_or_default();
         for effect in &changes.effects {
             if let Effect::LinkInertia { inertia_kg_m2 } = *effect {
-                load.add(&piece.link_inertia, inertia_kg_m2);
+                sum.add(&piece.link_inertia, inertia_kg_m2);
             }
         }
         for (change, deviations) in piece.links.iter().zip(&changes.known) {
             if let Some(change) = change.as_ref().filter(|_| *deviations != 0.0) {
-                load.add(change, *deviations);
+                sum.add(change, *deviations);
             }
         }
+        let (mut load, every) = match piece.thinned_for(substeps) {
+            Some(thinned) => (thinned.load.clone(), thinned.every),
+            None => (piece.joint.load.clone(), 1),
+        };
+        motion.change(&mut load, &sum, every);
         load
     }
 }
@@ -470,13 +488,14 @@ impl<'a> Piece<'a> {
             band.cutoff_hz,
             stretch.rate_hz,
         )?;
-        let link_inertia = known::link_inertia(robot, joint, &stretch.motion, &signals.load);
+        let link_inertia = known::link_inertia(robot, joint, &stretch.motion);
         Ok(Self {
             stretch,
             joint: signals,
             link_inertia,
             whole_arm: WholeArm::of(joint),
             loads: Remembered::at_most(LOADS),
+            thinned: Thinned::of(&signals.drive, &tracking, &signals.load, band),
             tracking,
             controller,
             band,
@@ -484,6 +503,11 @@ impl<'a> Piece<'a> {
             vibration,
             kept,
         })
+    }
+
+    fn thinned_for(&self, substeps: Substeps) -> Option<&Thinned> {
+        let thinned = self.thinned.as_ref();
+        thinned.filter(|_| substeps == Substeps::Coarse)
     }
 
     /// Of every channel the rows that count, one channel after the other.

@@ -156,7 +156,8 @@ fn turns_s(rows: &[Row], fastest_rad_s: f64) -> Vec<f64> {
 /// How one channel is made independent and of unit variance.
 #[derive(Clone, Debug)]
 struct Filter {
-    coefficients: Vec<f64>,
+    /// Of the samples before, the oldest first.
+    coefficients: [f64; ORDER],
     scale_nm: f64,
 }
 
@@ -227,14 +228,17 @@ impl Whitener {
         let mut white = vec![0.0; column_nm.len()];
         for (of, filter) in self.series.iter().zip(&self.filters) {
             for k in of.clone() {
-                let past: f64 = filter
-                    .coefficients
-                    .iter()
-                    .enumerate()
-                    .take(k - of.start)
-                    .map(|(lag, a)| a * column_nm[k - 1 - lag])
-                    .sum();
-                white[k] = self.weights[k] * (column_nm[k] - past) / filter.scale_nm;
+                let before = &column_nm[of.start..k];
+                let expected_nm = match before.last_chunk() {
+                    Some(before) => filter.expected_nm(before),
+                    // what lies before the first is not there
+                    None => {
+                        let mut padded = [0.0; ORDER];
+                        padded[ORDER - before.len()..].copy_from_slice(before);
+                        filter.expected_nm(&padded)
+                    }
+                };
+                white[k] = self.weights[k] * (column_nm[k] - expected_nm) / filter.scale_nm;
             }
         }
         white
@@ -244,11 +248,24 @@ impl Whitener {
 impl Filter {
     fn of(floor: Floor) -> Self {
         let covariance: Vec<f64> = (0..=ORDER).map(|lag| floor.covariance(lag)).collect();
-        let (coefficients, variance) = levinson(&covariance);
+        let (newest_first, variance) = levinson(&covariance);
+        let mut coefficients = [0.0; ORDER];
+        for (value, coefficient) in coefficients.iter_mut().rev().zip(newest_first) {
+            *value = coefficient;
+        }
         Self {
             coefficients,
             scale_nm: variance.sqrt().max(1e-12),
         }
+    }
+
+    /// What the samples before let expect of one.
+    #[inline]
+    fn expected_nm(&self, before_nm: &[f64; ORDER]) -> f64 {
+        let [a, b, c, d, e, f, g, h]: [f64; ORDER] =
+            std::array::from_fn(|k| self.coefficients[k] * before_nm[k]);
+        // no sum waits for all before it
+        ((a + b) + (c + d)) + ((e + f) + (g + h))
     }
 }
 

@@ -1,7 +1,8 @@
 //! How a joint's load changes with what concerns the whole arm: a payload, or a tilt of the base.
 //!
 //! A load is linear in gravity and in the mass of a payload. In the payload's place it is a polynomial of second degree, which ten
-//! places determine. So a few loads are computed once, and every payload and tilt is a sum of them.
+//! places determine. So a few loads are computed once, and every payload and tilt is a sum of them; so are both at once, for the
+//! payload's own weight tilts too.
 
 use std::sync::OnceLock;
 
@@ -9,7 +10,7 @@ use joint_model::rigid_body::Chain;
 use nalgebra::{Isometry3, Vector3};
 use robot::Effect;
 
-use crate::load::{AtKnot, LoadChange, Motion};
+use crate::load::{LoadChange, Motion};
 
 /// From the last link's origin to the places of the payload.
 const PLACE_M: f64 = 0.1;
@@ -32,9 +33,11 @@ const PLACES: [[f64; 3]; 10] = [
 pub(crate) struct WholeArm {
     joint: usize,
     /// With a payload of a kilogram at each place.
-    payloads: OnceLock<Option<Vec<Vec<AtKnot>>>>,
+    payloads: OnceLock<Option<Vec<LoadChange>>>,
     /// With gravity of one m/s² more along each axis.
-    gravity: OnceLock<Option<Vec<Vec<AtKnot>>>>,
+    gravity: OnceLock<Option<Vec<LoadChange>>>,
+    /// How the latter change with a payload of a kilogram at each place: of each axis, one place after the other.
+    weights: OnceLock<Option<Vec<LoadChange>>>,
 }
 
 impl WholeArm {
@@ -44,6 +47,7 @@ impl WholeArm {
             joint,
             payloads: OnceLock::new(),
             gravity: OnceLock::new(),
+            weights: OnceLock::new(),
         }
     }
 
@@ -66,47 +70,56 @@ impl WholeArm {
         }
         let is_loaded = weights.iter().any(|weight| *weight != 0.0);
         let is_tilted = tilted != Vector3::zeros();
-        if is_loaded && is_tilted {
-            // the payload's own weight tilts too
-            let [from, to] = [chain, &changed].map(|chain| motion.at_knots(chain, self.joint));
-            let both = from.iter().zip(to).map(|(from, to)| to.plus(-1.0, from));
-            return Some(motion.change(&both.collect::<Vec<_>>()));
-        }
-        let (weights, changes) = if is_loaded {
-            let of = || self.payload_changes(chain, motion);
-            (&weights[..], self.payloads.get_or_init(of).as_ref()?)
-        } else {
-            let of = || self.gravity_changes(chain, motion);
-            (tilted.as_slice(), self.gravity.get_or_init(of).as_ref()?)
+        let mut sum = LoadChange::default();
+        let mut add = |weights: &[f64], changes: &[LoadChange]| {
+            for (weight, change) in weights.iter().zip(changes).filter(|(w, _)| **w != 0.0) {
+                sum.add(change, *weight);
+            }
         };
-        let knots = changes.first().map_or(0, Vec::len);
-        let mut sum = vec![AtKnot::default(); knots];
-        for (weight, change) in weights.iter().zip(changes).filter(|(w, _)| **w != 0.0) {
-            for (sum, change) in sum.iter_mut().zip(change) {
-                *sum = sum.plus(*weight, change);
+        if is_loaded {
+            let of = || self.payload_changes(chain, motion);
+            add(&weights, self.payloads.get_or_init(of).as_ref()?);
+        }
+        if is_tilted {
+            let of = || self.gravity_changes(chain, motion);
+            add(tilted.as_slice(), self.gravity.get_or_init(of).as_ref()?);
+        }
+        if is_loaded && is_tilted {
+            let of = || self.weight_changes(chain, motion);
+            let changes = self.weights.get_or_init(of).as_ref()?;
+            for (along, changes) in tilted.iter().zip(changes.chunks(PLACES.len())) {
+                add(&weights.map(|weight| along * weight), changes);
             }
         }
-        Some(motion.change(&sum))
+        Some(sum)
     }
 
-    fn payload_changes(&self, chain: &Chain, motion: &Motion) -> Option<Vec<Vec<AtKnot>>> {
-        let chains = PLACES.iter().map(|place| {
-            let payload = Effect::Payload {
-                mass_kg: 1.0,
-                centre_m: place.map(|along| PLACE_M * along),
-            };
-            changed_chain(chain, chain.gravity_m_s2(), &[payload])
-        });
-        self.changes(chain, motion, chains)
+    fn payload_changes(&self, chain: &Chain, motion: &Motion) -> Option<Vec<LoadChange>> {
+        let gravity_m_s2 = chain.gravity_m_s2();
+        let loaded = PLACES.map(|place| changed_chain(chain, gravity_m_s2, &[payload(place)]));
+        self.changes(chain, motion, loaded.into_iter())
     }
 
-    fn gravity_changes(&self, chain: &Chain, motion: &Motion) -> Option<Vec<Vec<AtKnot>>> {
-        let chains = (0..3).map(|axis| {
-            let mut gravity_m_s2 = chain.gravity_m_s2();
-            gravity_m_s2[axis] += 1.0;
-            changed_chain(chain, gravity_m_s2, &[])
-        });
-        self.changes(chain, motion, chains)
+    fn gravity_changes(&self, chain: &Chain, motion: &Motion) -> Option<Vec<LoadChange>> {
+        let tilted = (0..3).map(|axis| changed_chain(chain, more_along(chain, axis), &[]));
+        self.changes(chain, motion, tilted)
+    }
+
+    fn weight_changes(&self, chain: &Chain, motion: &Motion) -> Option<Vec<LoadChange>> {
+        let payloads = self.payloads.get()?.as_ref()?;
+        let gravity = self.gravity.get()?.as_ref()?;
+        let mut all = Vec::with_capacity(gravity.len() * PLACES.len());
+        for (axis, gravity) in gravity.iter().enumerate() {
+            let gravity_m_s2 = more_along(chain, axis);
+            let both = PLACES.map(|place| changed_chain(chain, gravity_m_s2, &[payload(place)]));
+            let both = self.changes(chain, motion, both.into_iter())?;
+            for (mut change, payload) in both.into_iter().zip(payloads) {
+                change.add(payload, -1.0);
+                change.add(gravity, -1.0);
+                all.push(change);
+            }
+        }
+        Some(all)
     }
 
     fn changes(
@@ -114,16 +127,30 @@ impl WholeArm {
         chain: &Chain,
         motion: &Motion,
         changed: impl Iterator<Item = Option<Chain>>,
-    ) -> Option<Vec<Vec<AtKnot>>> {
+    ) -> Option<Vec<LoadChange>> {
         let from = motion.at_knots(chain, self.joint);
         changed
             .map(|changed| {
                 let to = motion.at_knots(&changed?, self.joint);
-                let change = to.iter().zip(&from);
-                Some(change.map(|(to, from)| to.plus(-1.0, from)).collect())
+                Some(LoadChange::between(&from, &to))
             })
             .collect()
     }
+}
+
+/// A kilogram at a place.
+fn payload(place: [f64; 3]) -> Effect {
+    Effect::Payload {
+        mass_kg: 1.0,
+        centre_m: place.map(|along| PLACE_M * along),
+    }
+}
+
+/// Gravity of one m/s² more along an axis.
+fn more_along(chain: &Chain, axis: usize) -> Vector3<f64> {
+    let mut gravity_m_s2 = chain.gravity_m_s2();
+    gravity_m_s2[axis] += 1.0;
+    gravity_m_s2
 }
 
 fn changed_chain(chain: &Chain, gravity_m_s2: Vector3<f64>, effects: &[Effect]) -> Option<Chain> {
@@ -175,9 +202,8 @@ mod tests {
         let motion = motion(7);
         let sum = WholeArm::of(joint).change(&chain, &motion, effects);
         let changed = changed_chain(&chain, chain.gravity_m_s2(), effects).unwrap();
-        let direct =
-            LoadChange::between(&motion.load(&chain, joint), &motion.load(&changed, joint));
-        [sum.unwrap(), direct]
+        let [from, to] = [&chain, &changed].map(|chain| motion.at_knots(chain, joint));
+        [sum.unwrap(), LoadChange::between(&from, &to)]
     }
 
     #[test]
@@ -196,7 +222,7 @@ mod tests {
                 let [sum, direct] = both_ways(joint, effects);
                 let off = sum.largest_difference(&direct);
                 assert!(
-                    off < 1e-6 * (1.0 + direct.rms_nm(motion(7).acceleration_rad_s2(joint))),
+                    off < 1e-6 * (1.0 + motion(7).rms_nm(joint, &direct)),
                     "{joint}: {off}"
                 );
             }
