@@ -1,9 +1,19 @@
 //! A stretch at fewer samples, for runs that are compared with each other only: where rows come faster than a coarse substep is
 //! long, it is one over several of them.
 
+use joint_model::friction::Sliding;
+
+use crate::joint::JointModel;
 use crate::load::Load;
 use crate::observe::Band;
 use crate::simulate::{Between, Drive, Feedback, Trace};
+
+/// Part by which falling friction may make the rotor faster within a step, at most: friction acts through a step as it is at its
+/// beginning, and a joint that sticks and slips would do so otherwise.
+const FASTER_MOST: f64 = 0.5;
+/// Speeds at which that is looked at, each so many times the one before.
+const SPEEDS_RAD_S: [f64; 2] = [1e-3, 1.0];
+const SPEEDS_FACTOR: f64 = 1.25;
 
 /// What a run is made of, at every so many samples.
 pub(super) struct Thinned {
@@ -16,10 +26,18 @@ pub(super) struct Thinned {
 }
 
 impl Thinned {
-    /// None where samples are no closer than coarse substeps.
-    pub fn of(drive: &Drive, tracking: &Feedback, load: &Load, band: Band) -> Option<Self> {
+    /// None where samples are no closer than coarse substeps, or the joint's friction falls so steeply that several of them are too
+    /// long a step.
+    pub fn of(
+        model: &JointModel,
+        drive: &Drive,
+        tracking: &Feedback,
+        load: &Load,
+        band: Band,
+    ) -> Option<Self> {
         let every = band.every_coarse();
-        if every < 2 {
+        let step_s = every as f64 * drive.period_s;
+        if every < 2 || step_s * falls_per_s(model) > FASTER_MOST {
             return None;
         }
         let thin = |values: &[f64]| -> Vec<f64> { values.iter().step_by(every).copied().collect() };
@@ -35,7 +53,7 @@ impl Thinned {
         Some(Self {
             every,
             drive: Drive {
-                period_s: every as f64 * drive.period_s,
+                period_s: step_s,
                 motor_rad: thin(&drive.motor_rad),
                 link_rad: drive.link_rad.as_deref().map(thin),
                 command_nm,
@@ -72,6 +90,23 @@ impl Thinned {
     }
 }
 
+/// How quickly falling friction makes the rotor alone faster: the most that a difference in speed grows, per second and as a part of
+/// itself.
+fn falls_per_s(model: &JointModel) -> f64 {
+    let [slowest, fastest] = SPEEDS_RAD_S;
+    let speeds = std::iter::successors(Some(slowest), |speed| Some(SPEEDS_FACTOR * speed));
+    let speeds = speeds.take_while(|speed| *speed < fastest);
+    let level_nm = |velocity_rad_s: f64| model.friction.level_nm(&Sliding::at(velocity_rad_s));
+    let steepest = speeds
+        .flat_map(|speed| [speed, -speed])
+        .map(|speed| {
+            let faster = SPEEDS_FACTOR * speed;
+            (level_nm(speed) - level_nm(faster)) / (faster - speed).abs()
+        })
+        .fold(0.0, f64::max);
+    steepest / model.rotor_inertia_kg_m2
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
@@ -80,6 +115,8 @@ mod tests {
     use recording::{JointColumns, Recording, Signal};
     use robot::Effect;
 
+    use super::{FASTER_MOST, falls_per_s};
+    use crate::joint::JointModel;
     use crate::made_up::robot;
     use crate::search::difference;
     use crate::stretch::stretches;
@@ -112,6 +149,17 @@ mod tests {
             sample_rate_hz: RATE_HZ,
             metadata: BTreeMap::new(),
             truncated: false,
+        }
+    }
+
+    #[test]
+    fn a_joint_that_sticks_and_slips_is_not_run_over_several_samples() {
+        let robot = ::robot::load("pa10").unwrap();
+        // only that of the last joint is less the faster it turns
+        for (joint, sticks) in [(5, false), (6, true)] {
+            let model = JointModel::nominal(&robot, joint);
+            let part = falls_per_s(&model) / 750.0;
+            assert_eq!(part > FASTER_MOST, sticks, "{part}");
         }
     }
 
