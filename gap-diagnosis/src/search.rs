@@ -281,8 +281,8 @@ impl<'a> Search<'a> {
         self.twin.coarsely(&model.changes(&self.scale))
     }
 
-    /// What a model's residual is in the long run of coarse substeps: less this run of another model it is what that leaves, as far as
-    /// coarse substeps tell the two apart.
+    /// What a run in coarse substeps would have to be to leave nothing: this less the coarse run of another model near it is what that
+    /// model leaves in fine ones, since what the longer substeps do to both is the same.
     pub(crate) fn to_reach_nm(
         &self,
         model: &Model,

@@ -35,7 +35,7 @@ const END_S: f64 = 0.1;
 /// Runs that are remembered. With so many, between a twelfth and a quarter of a search's runs are found again, and hardly more with
 /// any number.
 const RUNS: usize = 256;
-/// Loads that are remembered, of two megabytes each: runs that follow one another mostly share theirs.
+/// Loads that are remembered, of two megabytes at most: runs that follow one another mostly share theirs.
 const LOADS: usize = 2;
 
 /// How a joint is said to differ from its robot file.
