@@ -272,12 +272,11 @@ impl Growing<'_, '_> {
         0.5 * (total(without) - total(&self.refined))
     }
 
-    /// Takes effects out that each make the gap larger and help against one another only, as terms of a series do. True if
-    /// there were some.
-    fn drop_series(&mut self) -> Result<bool, FilterError> {
+    /// Effects that each make the gap larger and help against one another only, as terms of a series do.
+    fn series(&self) -> Result<Vec<usize>, FilterError> {
         let model = &self.refined.model;
         if model.terms.len() < 2 {
-            return Ok(false);
+            return Ok(Vec::new());
         }
         let start = Model::of_settled(self.search, &model.settled);
         let before_nm = self.search.residual_nm(&start)?;
@@ -290,21 +289,24 @@ impl Growing<'_, '_> {
             })
             .collect();
         let has_torque_sensor = self.search.twin.channels.contains(&Channel::Link);
-        let is_of_series = |term: usize| {
-            let mut others = (0..is_worse.len()).filter(|other| *other != term && is_worse[*other]);
+        let is_of_series = |term: &usize| {
+            let mut others = (0..is_worse.len()).filter(|other| other != term && is_worse[*other]);
             let hypothesis = |term: usize| &model.terms[term].hypothesis;
-            is_worse[term]
+            is_worse[*term]
                 && others.any(|other| {
-                    hypothesis(term).is_in_series_with(hypothesis(other), has_torque_sensor)
+                    hypothesis(*term).is_in_series_with(hypothesis(other), has_torque_sensor)
                 })
         };
-        let series: Vec<usize> = (0..is_worse.len())
-            .filter(|term| is_of_series(*term))
-            .collect();
+        Ok((0..is_worse.len()).filter(is_of_series).collect())
+    }
+
+    /// Takes the effects of a series out. True if there were some.
+    fn drop_series(&mut self) -> Result<bool, FilterError> {
+        let series = self.series()?;
         if series.is_empty() {
             return Ok(false);
         }
-        let mut rest = model.clone();
+        let mut rest = self.refined.model.clone();
         for term in series.into_iter().rev() {
             rest.terms.remove(term);
             self.added.remove(term);
@@ -489,7 +491,10 @@ impl Growing<'_, '_> {
         let least = left(&self.refined).square.min(left(&other.refined).square);
         let variance = variance_of(ranking, least);
         let before = worth(&self.refined, variance);
-        if worth(&other.refined, variance) > before + further(&other.refined) {
+        let is_worth_more = worth(&other.refined, variance) > before + further(&other.refined);
+        // what is a series from end to end names nothing, as good as it fits
+        let names_some = self.added.is_empty() || other.series()?.len() < other.added.len();
+        if is_worth_more && names_some {
             *self = other;
         }
         Ok(())
