@@ -24,7 +24,11 @@ impl KinematicError {
 
     /// The error, joint side, and its slope over the motor angle.
     pub fn error_and_slope(&self, motor_position_rad: f64) -> (f64, f64) {
-        let (sine_1, cosine_1) = motor_position_rad.sin_cos();
+        self.at(motor_position_rad.sin_cos())
+    }
+
+    /// The same at the motor angle of this sine and cosine.
+    pub fn at(&self, (sine_1, cosine_1): (f64, f64)) -> (f64, f64) {
         let (mut sine, mut cosine) = (0.0, 1.0);
         let (mut error_rad, mut slope) = (0.0, 0.0);
         for (index, [a, b]) in self.terms_rad.iter().enumerate() {

@@ -115,8 +115,14 @@ impl Bench<'_> {
             law.damping_nm_s_rad = values[DAMPING].max(0.0);
             law
         };
+        let ratio = self.joint.gear_ratio;
+        // the rotor is where it is, whatever the law
+        let turned: Vec<Option<Turned>> = motion
+            .iter()
+            .map(|motion| motion.map(|motion| (motion, (motion.motor_rad * ratio).sin_cos())))
+            .collect();
         let solution = fit(&parameters, 1, &|values| {
-            let mut misses = self.law_misses(&made(values), values[DAMPING], motion);
+            let mut misses = self.law_misses(&made(values), values[DAMPING], &turned);
             misses.extend(self.reluctance_nm(values));
             misses
         });
@@ -167,7 +173,7 @@ impl Bench<'_> {
         &self,
         parameters: &FusionParameters,
         damping_nm_s_rad: f64,
-        motion: &[Option<Motion>],
+        turned: &[Option<Turned>],
     ) -> Vec<f64> {
         let law = TorsionLaw::new(parameters);
         let error = KinematicError::new(&parameters.kinematic_error);
@@ -175,12 +181,12 @@ impl Bench<'_> {
         let mut plays = Plays::default();
         let mut rows = self.rows.iter().peekable();
         let mut misses = Vec::with_capacity(self.rows.len());
-        for (row, motion) in motion.iter().enumerate() {
+        for (row, turned) in turned.iter().enumerate() {
             let wanted = rows.next_if(|wanted| **wanted == row).is_some();
-            let Some(motion) = motion else {
+            let Some((motion, sine_and_cosine)) = turned else {
                 continue;
             };
-            let (error_rad, slope) = error.error_and_slope(motion.motor_rad * ratio);
+            let (error_rad, slope) = error.at(*sine_and_cosine);
             let torsion_rad = motion.motor_rad - error_rad - motion.link_rad - parameters.zero_rad;
             if wanted {
                 let (elastic_nm, _) = law.torque_and_slope(torsion_rad, &plays);
@@ -301,6 +307,9 @@ impl Bench<'_> {
         Ok((moving_nm, resting_nm))
     }
 }
+
+/// A motion, with sine and cosine of the motor angle.
+type Turned = (Motion, (f64, f64));
 
 fn values(law: &FusionParameters) -> Vec<f64> {
     let table = &law.kinematic_error;

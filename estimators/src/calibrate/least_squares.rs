@@ -7,6 +7,7 @@
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::storage::Owned;
 use nalgebra::{DMatrix, DVector, Dyn};
+use rayon::prelude::*;
 use serde::Serialize;
 
 /// One parameter of a fit.
@@ -50,6 +51,9 @@ const U_MAX: f64 = 6.0;
 /// Evaluations per parameter that one start may take.
 const PATIENCE: usize = 12;
 
+/// What values of the parameters leave in each row.
+pub(super) type Misses<'a> = dyn Fn(&[f64]) -> Vec<f64> + Sync + 'a;
+
 impl Parameter {
     fn is_log(&self) -> bool {
         self.bounds[0] > 0.0
@@ -81,11 +85,7 @@ impl Parameter {
 }
 
 /// Finds the parameters whose `misses` are smallest. The first start is the given one, the others spread over the bounds.
-pub(super) fn fit(
-    parameters: &[Parameter],
-    starts: usize,
-    misses: &dyn Fn(&[f64]) -> Vec<f64>,
-) -> Solution {
+pub(super) fn fit(parameters: &[Parameter], starts: usize, misses: &Misses<'_>) -> Solution {
     let given = DVector::from_iterator(
         parameters.len(),
         parameters
@@ -101,8 +101,9 @@ pub(super) fn fit(
             }),
         )
     });
-    let ends: Vec<(DVector<f64>, f64)> = std::iter::once(given)
-        .chain(spread)
+    let begun: Vec<DVector<f64>> = std::iter::once(given).chain(spread).collect();
+    let ends: Vec<(DVector<f64>, f64)> = begun
+        .into_par_iter()
         .map(|u| {
             let problem = Problem {
                 parameters,
@@ -134,7 +135,7 @@ pub(super) fn fit(
 
 struct Problem<'a> {
     parameters: &'a [Parameter],
-    misses: &'a dyn Fn(&[f64]) -> Vec<f64>,
+    misses: &'a Misses<'a>,
     u: DVector<f64>,
 }
 
@@ -151,6 +152,7 @@ impl Problem<'_> {
     /// Derivatives of the misses by `u`.
     fn slopes(&self) -> DMatrix<f64> {
         let columns: Vec<DVector<f64>> = (0..self.u.len())
+            .into_par_iter()
             .map(|place| {
                 let [mut before, mut after] = [self.u.clone(), self.u.clone()];
                 before[place] -= STEP;
