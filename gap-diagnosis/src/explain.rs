@@ -492,9 +492,11 @@ impl Growing<'_, '_> {
         let variance = variance_of(ranking, least);
         let before = worth(&self.refined, variance);
         let is_worth_more = worth(&other.refined, variance) > before + further(&other.refined);
-        // what is a series from end to end names nothing, as good as it fits
-        let names_some = self.added.is_empty() || other.series()?.len() < other.added.len();
-        if is_worth_more && names_some {
+        // a series from end to end names nothing, so that it is no better than a name that leaves no more than noise
+        let gives_way = self.added.is_empty()
+            || is_beyond(search, &self.refined.residual_nm, WELL_EXPLAINED)
+            || other.series()?.len() < other.added.len();
+        if is_worth_more && gives_way {
             *self = other;
         }
         Ok(())
