@@ -32,9 +32,10 @@ fn a_killed_service_comes_back_under_a_running_loop() {
             report["restarts"][0]["back_after_ms"].is_number(),
             "{report}"
         );
-        assert_eq!(
-            report["timing"]["final_state"],
-            "Running",
+        // without the service it would be damping by then; a machine that steals milliseconds may make it hold at any moment
+        let state = report["timing"]["final_state"].as_str();
+        assert!(
+            matches!(state, Some("Running" | "Holding")),
             "{role}: {}",
             text(&output)
         );
