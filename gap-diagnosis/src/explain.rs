@@ -492,11 +492,12 @@ impl Growing<'_, '_> {
         let variance = variance_of(ranking, least);
         let before = worth(&self.refined, variance);
         let is_worth_more = worth(&other.refined, variance) > before + further(&other.refined);
-        // a series from end to end names nothing, so that it is no better than a name that leaves no more than noise
-        let gives_way = self.added.is_empty()
-            || is_beyond(search, &self.refined.residual_nm, WELL_EXPLAINED)
-            || other.series()?.len() < other.added.len();
-        if is_worth_more && gives_way {
+        // a series from end to end names nothing, so that it is no better than names that leave no more than noise
+        if is_worth_more
+            && (self.added.is_empty()
+                || is_beyond(search, &self.refined.residual_nm, WELL_EXPLAINED)
+                || other.series()?.len() < other.added.len())
+        {
             *self = other;
         }
         Ok(())
