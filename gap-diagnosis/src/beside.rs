@@ -129,9 +129,13 @@ pub(crate) fn explained_again<'a>(
     mut joints: Vec<Searched<'a>>,
     repeated: &Repeated,
 ) -> Result<(Vec<Searched<'a>>, Vec<DataFinding>), FilterError> {
+    let all = tried
+        .par_iter()
+        .zip(twins)
+        .map(|(beside, twins)| better(&beside.robot, twins, &joints, repeated))
+        .collect::<Result<Vec<_>, FilterError>>()?;
     let mut best: Option<(f64, &Beside, Vec<Better<'a>>)> = None;
-    for (beside, twins) in tried.iter().zip(twins) {
-        let better = better(&beside.robot, twins, &joints, repeated)?;
+    for (beside, better) in tried.iter().zip(all) {
         let nats = better.iter().map(|joint| joint.nats).sum();
         if nats > best.as_ref().map_or(0.0, |(most, ..)| *most) {
             best = Some((nats, beside, better));

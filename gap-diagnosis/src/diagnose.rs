@@ -130,11 +130,11 @@ pub fn diagnose(
         report.data.extend(notes);
         let tried = Beside::among(robot, &joints);
         let stretches = tried
-            .iter()
+            .par_iter()
             .map(|beside| self::stretches(&tables, &beside.robot))
             .collect::<Result<Vec<_>, StretchError>>()?;
         let twins = tried
-            .iter()
+            .par_iter()
             .zip(&stretches)
             .map(|(beside, stretches)| beside.twins(stretches))
             .collect::<Result<Vec<_>, FilterError>>()?;

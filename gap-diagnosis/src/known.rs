@@ -369,8 +369,8 @@ pub fn link_inertia(robot: &Robot, joint: usize, motion: &Motion) -> LoadChange 
     let Ok(chain) = with_link_inertia(robot, joint, 1.0) else {
         return LoadChange::default();
     };
-    let [from, to] = [&robot.chain, &chain].map(|chain| motion.at_knots(chain, joint));
-    LoadChange::between(&from, &to)
+    let loads = motion.at_knots_of(&[robot.chain.clone(), chain], joint);
+    LoadChange::between(&loads[0], &loads[1])
 }
 
 /// What can be taken off a link's inertia about its joint's axis and leave a body: no more than it has, and not so much that
@@ -425,26 +425,28 @@ pub fn of_links(
             let deviation = robot.tolerance.of(name);
             (is_there && deviation > 0.0).then_some(KnownValue { known, deviation })
         });
-    let loads: Vec<_> = motions
-        .iter()
-        .map(|motion| motion.at_knots(&robot.chain, joint))
-        .collect();
-    let mut found: Vec<(KnownValue, Vec<LoadChange>, f64)> = Vec::new();
+    let mut chains = vec![robot.chain.clone()];
+    let mut values = Vec::new();
     for value in all {
         let mut links = links.to_vec();
         value.known.multiply(&mut links, 1.0 + LINK_STEP);
-        let tool = nalgebra::Isometry3::identity();
-        let Ok(other) = Chain::new(&links, robot.chain.gravity_m_s2(), tool) else {
-            continue;
-        };
-        let changes: Vec<LoadChange> = motions
+        let changed = Chain::new(&links, robot.chain.gravity_m_s2(), robot.chain.tool());
+        if let Ok(chain) = changed {
+            chains.push(chain);
+            values.push(value);
+        }
+    }
+    let loads: Vec<_> = motions
+        .iter()
+        .map(|motion| motion.at_knots_of(&chains, joint))
+        .collect();
+    let mut found: Vec<(KnownValue, Vec<LoadChange>, f64)> = Vec::new();
+    for (place, value) in values.into_iter().enumerate() {
+        let factor = value.deviation / LINK_STEP;
+        let changes = loads
             .iter()
-            .zip(&loads)
-            .map(|(motion, load)| {
-                LoadChange::between(load, &motion.at_knots(&other, joint))
-                    .times(value.deviation / LINK_STEP)
-            })
-            .collect();
+            .map(|loads| LoadChange::between(&loads[0], &loads[place + 1]).times(factor));
+        let changes: Vec<LoadChange> = changes.collect();
         let sizes_nm = changes
             .iter()
             .zip(motions)

@@ -57,6 +57,7 @@ pub mod twin;
 mod units;
 mod vibration;
 pub mod watch;
+mod waves;
 pub mod whiten;
 mod whole_arm;
 

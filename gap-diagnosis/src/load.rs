@@ -2,7 +2,7 @@
 //! they were recorded.
 
 use joint_model::filter::FilterError;
-use joint_model::rigid_body::Chain;
+use joint_model::rigid_body::{Chain, Moving, Standing};
 
 use crate::elastic::{links_rad, mass_column_kg_m2};
 use crate::joint::JointModel;
@@ -305,47 +305,64 @@ impl Motion {
 
     /// What one joint of a chain carries where loads are computed.
     pub(crate) fn at_knots(&self, chain: &Chain, joint: usize) -> Vec<AtKnot> {
+        self.at_knots_of(std::slice::from_ref(chain), joint)
+            .swap_remove(0)
+    }
+
+    /// The same of several chains that differ in the mass and inertia of their links only.
+    ///
+    /// # Panics
+    /// If there is none, or they differ in more.
+    pub(crate) fn at_knots_of(&self, chains: &[Chain], joint: usize) -> Vec<Vec<AtKnot>> {
+        let one = &chains[0];
+        assert!(
+            chains.iter().all(|chain| chain.moves_as(one)),
+            "chains whose links move in different ways"
+        );
         let count = self.position_rad.len();
         let knots = self.knots(self.position_rad[joint].len());
         let rest = vec![0.0; count];
         let mut unit = vec![0.0; count];
         unit[joint] = 1.0;
-        let mut out = vec![0.0; count];
         let [
             mut position_rad,
             mut velocity_rad_s,
             mut acceleration_rad_s2,
         ] = [(); 3].map(|()| vec![0.0; count]);
-        let at = |k: &usize| {
+        let [mut moving, mut pushed] = [Moving::default(), Moving::default()];
+        let [mut standing, mut beside] = [Standing::default(), Standing::default()];
+        let mut all = vec![Vec::with_capacity(knots.len()); chains.len()];
+        for k in knots {
             let motion = [
                 &mut position_rad[..],
                 &mut velocity_rad_s,
                 &mut acceleration_rad_s2,
             ];
-            self.at(*k, motion);
+            self.at(k, motion);
             acceleration_rad_s2[joint] = 0.0;
-            chain.inverse_dynamics(
+            one.links_moving(
                 &position_rad,
                 &velocity_rad_s,
                 &acceleration_rad_s2,
-                &mut out,
+                &mut moving,
             );
-            let torque_nm = out[joint];
-            chain.gravity_torque(&position_rad, &mut out);
-            let gravity_nm = out[joint];
-            chain.inverse_dynamics(&position_rad, &rest, &unit, &mut out);
-            let inertia_kg_m2 = out[joint] - gravity_nm;
+            one.links_moving(&position_rad, &rest, &unit, &mut pushed);
+            one.links_standing(&position_rad, &mut standing);
             position_rad[joint] += SLOPE_RAD;
-            chain.gravity_torque(&position_rad, &mut out);
-            let slope_nm_rad = (out[joint] - gravity_nm) / SLOPE_RAD;
-            AtKnot {
-                torque_nm,
-                gravity_nm,
-                inertia_kg_m2,
-                slope_nm_rad,
+            one.links_standing(&position_rad, &mut beside);
+            for (chain, at_knots) in chains.iter().zip(&mut all) {
+                let carried = chain.carried(joint, &standing);
+                let gravity_nm = standing.holding_torque_nm(joint, &carried);
+                let beside_nm = beside.holding_torque_nm(joint, &carried);
+                at_knots.push(AtKnot {
+                    torque_nm: chain.moving_torque_nm(joint, &moving),
+                    gravity_nm,
+                    inertia_kg_m2: chain.moving_torque_nm(joint, &pushed) - gravity_nm,
+                    slope_nm_rad: (beside_nm - gravity_nm) / SLOPE_RAD,
+                });
             }
-        };
-        knots.iter().map(at).collect()
+        }
+        all
     }
 }
 

@@ -54,11 +54,11 @@ impl Channel {
     }
 }
 
-/// How many channels there are.
-const CHANNELS: usize = 4;
+/// So many channels are made at a time: as many as a processor has in one register.
+const TOGETHER: usize = 2;
 
 /// Where channels are made, sample by sample.
-pub(crate) type Room = Vec<[f64; CHANNELS]>;
+pub(crate) type Room = Vec<[f64; TOGETHER]>;
 
 /// How signals become channels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -182,29 +182,36 @@ impl Band {
             inertia_kg_m2 * (second_difference(seen.motor_rad, k) / period_s2)
                 + load.slope_nm_rad[k] * (seen.motor_rad[k] - load.position_rad[k])
         };
-        let raw_nm = |channel: Channel, k: usize| match channel {
-            Channel::Motor => {
-                let inertia = nominal.rotor_inertia_kg_m2 + load.inertia_kg_m2[k];
-                let holding_nm = seen.holding_nm.map_or(0.0, |held| held[k]);
-                seen.torque_nm[k] + holding_nm - rigid_nm(k, inertia)
+        let mut thinned = Vec::with_capacity(channels.len());
+        for pair in channels.chunks(TOGETHER) {
+            let fill = |rows: &mut [[f64; TOGETHER]]| {
+                for (place, channel) in pair.iter().enumerate() {
+                    let values = rows.iter_mut().map(|row| &mut row[place]).enumerate();
+                    match channel {
+                        Channel::Motor => values.for_each(|(k, value)| {
+                            let inertia = nominal.rotor_inertia_kg_m2 + load.inertia_kg_m2[k];
+                            let holding_nm = seen.holding_nm.map_or(0.0, |held| held[k]);
+                            *value = seen.torque_nm[k] + holding_nm - rigid_nm(k, inertia);
+                        }),
+                        Channel::Drive => values.for_each(|(k, value)| {
+                            *value = seen.torque_nm[k] - seen.command_nm[k];
+                        }),
+                        Channel::Torsion => values.for_each(|(k, value)| {
+                            *value = nominal.stiffness_nm_rad * (seen.motor_rad[k] - link_rad[k]);
+                        }),
+                        Channel::Link => values.for_each(|(k, value)| {
+                            *value = sensed_nm[k] - rigid_nm(k, load.inertia_kg_m2[k]);
+                        }),
+                    }
+                }
+            };
+            let band = [self.cutoff_hz, self.rate_hz];
+            let smooth = low_pass_together(room, samples, fill, band)?;
+            for place in 0..pair.len() {
+                let kept = smooth.iter().step_by(self.stride());
+                thinned.push(kept.map(|row| row[place]).collect());
             }
-            Channel::Drive => seen.torque_nm[k] - seen.command_nm[k],
-            Channel::Torsion => nominal.stiffness_nm_rad * (seen.motor_rad[k] - link_rad[k]),
-            Channel::Link => sensed_nm[k] - rigid_nm(k, load.inertia_kg_m2[k]),
-        };
-        let row_nm = |k: usize| {
-            let mut row = [0.0; CHANNELS];
-            for (value, channel) in row.iter_mut().zip(channels) {
-                *value = raw_nm(*channel, k);
-            }
-            row
-        };
-        let band = [self.cutoff_hz, self.rate_hz];
-        let smooth = low_pass_together(room, samples, row_nm, band)?;
-        let thinned = |place: usize| -> Vec<f64> {
-            let kept = smooth.iter().step_by(self.stride());
-            kept.map(|row| row[place]).collect()
-        };
-        Ok((0..channels.len()).map(thinned).collect())
+        }
+        Ok(thinned)
     }
 }

@@ -446,8 +446,8 @@ impl Search<'_> {
         };
         let target = Beside::new(&[], &self.whitener.apply(residual_nm));
         let gain = |of: Family| {
-            let [sin, cos] = [0, 1].map(|k| self.whitener.apply(&of.columns[k]));
-            0.5 * target.gain(&sin, &cos)
+            let pair = [0, 1].map(|k| self.whitener.apply(&of.columns[k]));
+            0.5 * target.gains(&matrix(&pair, rows.len()))[0]
         };
         let sides = on_sides(&vibration, rows).into_iter();
         sides.map(gain).fold(0.0, f64::max)

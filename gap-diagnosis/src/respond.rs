@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use joint_model::filter::FilterError;
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use crate::hypothesis::{Hypothesis, periodic};
@@ -144,20 +145,19 @@ impl Search<'_> {
             let beside = beside.only(&places);
             let of_channel: Vec<&Row> = places.iter().map(|k| &rows[*k]).collect();
             for with_direction in [false, true] {
-                let gain = |cycles: f64| {
-                    let waves = of_channel.iter().map(|row| {
-                        let (sin, cos) = (cycles * row.motor_angle_rad).sin_cos();
+                let gains = |mut waves: DMatrix<f64>| {
+                    for mut wave in waves.column_iter_mut() {
                         if with_direction {
-                            let direction = row.velocity_rad_s.signum();
-                            (direction * sin, direction * cos)
-                        } else {
-                            (sin, cos)
+                            for (value, row) in wave.iter_mut().zip(&of_channel) {
+                                *value *= row.velocity_rad_s.signum();
+                            }
                         }
-                    });
-                    let (sin, cos): (Vec<f64>, Vec<f64>) = waves.unzip();
-                    beside.gain(&whitener.apply(&sin), &whitener.apply(&cos))
+                        let white = whitener.apply(wave.as_slice());
+                        wave.copy_from_slice(&white);
+                    }
+                    beside.gains(&waves)
                 };
-                for found in peaks(&of_channel, most, gain, PEAKS) {
+                for found in peaks(&of_channel, most, gains, PEAKS) {
                     if !cycles
                         .iter()
                         .any(|known| (known / found - 1.0).abs() < 0.01)

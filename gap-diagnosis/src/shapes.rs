@@ -11,6 +11,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::observe::Channel;
 use crate::twin::{JointTwin, Row};
+use crate::waves::Waves;
 use crate::whiten::series;
 
 /// Hats over a variable.
@@ -25,7 +26,7 @@ const FADING_S: [f64; 6] = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0];
 /// Frequencies of vibration that are tried, from the first to the last.
 const VIBRATION_HZ: [f64; 2] = [0.3, 14.0];
 /// Parts of a step in which the strongest one is sought anew.
-const FINER: i32 = 8;
+const FINER: usize = 8;
 /// The slowest motion whose frequency is looked for, and its harmonics.
 const MOTION_HZ_LEAST: f64 = 0.03;
 const MOTION_HARMONICS: i32 = 3;
@@ -446,22 +447,25 @@ fn strongest_hz(rows: &[Row], values: &[f64], range_hz: [f64; 2]) -> Option<(f64
         .collect();
     let step_hz = step_hz(rows);
     let tried = ((range_hz[1] - range_hz[0]) / step_hz) as usize;
-    let power = |hz: f64| {
-        let (mut sin_sum, mut cos_sum) = (0.0, 0.0);
-        for (time_s, value) in &motor {
-            let (sin, cos) = (TAU * hz * time_s).sin_cos();
-            sin_sum += sin * value;
-            cos_sum += cos * value;
-        }
-        sin_sum * sin_sum + cos_sum * cos_sum
+    let strongest = |first_hz: f64, step_hz: f64, tried: usize| {
+        let angles_rad = motor.iter().map(|(time_s, _)| TAU * time_s);
+        let mut waves = Waves::from(angles_rad, first_hz, step_hz);
+        let powers = (0..tried).map(|k| {
+            let (mut sin_sum, mut cos_sum) = (0.0, 0.0);
+            for ([sin, cos], (_, value)) in waves.now().iter().zip(&motor) {
+                sin_sum += sin * value;
+                cos_sum += cos * value;
+            }
+            waves.turn();
+            (k, sin_sum * sin_sum + cos_sum * cos_sum)
+        });
+        powers.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
     };
-    let strongest = |of: &mut dyn Iterator<Item = f64>| {
-        let powers = of.map(|hz| (hz, power(hz)));
-        powers.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(hz, _)| hz)
-    };
-    let near_hz = strongest(&mut (0..tried).map(|k| range_hz[0] + k as f64 * step_hz))?;
-    let finer = |k: i32| near_hz + f64::from(k) / f64::from(FINER) * step_hz;
-    Some((strongest(&mut (-FINER..=FINER).map(finer))?, tried))
+    let near = strongest(range_hz[0], step_hz, tried)?;
+    let near_hz = range_hz[0] + near as f64 * step_hz;
+    let finer = strongest(near_hz - step_hz, step_hz / FINER as f64, 2 * FINER + 1)?;
+    let away = finer as f64 - FINER as f64;
+    Some((near_hz + away / FINER as f64 * step_hz, tried))
 }
 
 #[cfg(test)]

@@ -11,20 +11,24 @@ const ORDER: usize = 4;
 /// [`FilterError`] for a cut-off outside zero to half the rate.
 pub fn low_pass(values: &[f64], cutoff_hz: f64, rate_hz: f64) -> Result<Vec<f64>, FilterError> {
     let mut padded = Vec::new();
-    let each = |k: usize| [values[k]];
-    let smooth = low_pass_together(&mut padded, values.len(), each, [cutoff_hz, rate_hz])?;
+    let fill = |rows: &mut [[f64; 1]]| {
+        for (row, value) in rows.iter_mut().zip(values) {
+            *row = [*value];
+        }
+    };
+    let smooth = low_pass_together(&mut padded, values.len(), fill, [cutoff_hz, rate_hz])?;
     Ok(smooth.iter().map(|[value]| *value).collect())
 }
 
-/// The same for several signals at once, in little more time than for one: `at` gives one sample of each. `padded` is room to work
-/// in, whatever was there before.
+/// The same for several signals at once, in little more time than for one: `fill` makes them, a row of each for each sample.
+/// `padded` is room to work in, whatever was there before.
 ///
 /// # Errors
 /// [`FilterError`] for a cut-off outside zero to half the rate.
 pub fn low_pass_together<const N: usize>(
     padded: &mut Vec<[f64; N]>,
     samples: usize,
-    at: impl Fn(usize) -> [f64; N],
+    fill: impl FnOnce(&mut [[f64; N]]),
     [cutoff_hz, rate_hz]: [f64; 2],
 ) -> Result<&[[f64; N]], FilterError> {
     let filter = Butterworth::design(ORDER, cutoff_hz, rate_hz)?;
@@ -34,9 +38,7 @@ pub fn low_pass_together<const N: usize>(
     let margin = ((3.0 * rate_hz / cutoff_hz) as usize).min(last);
     padded.clear();
     padded.resize(margin + samples + margin, [0.0; N]);
-    for k in 0..samples {
-        padded[margin + k] = at(k);
-    }
+    fill(&mut padded[margin..=margin + last]);
     let (first, end) = (padded[margin], padded[margin + last]);
     for k in 1..=margin {
         let (early, late) = (padded[margin + k], padded[margin + last - k]);

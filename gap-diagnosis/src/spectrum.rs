@@ -2,11 +2,12 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix2};
 use rayon::prelude::*;
 
 use crate::fit::matrix;
 use crate::twin::Row;
+use crate::waves::Waves;
 
 /// Fewest and most cycles per motor turn that are looked for.
 const CYCLES: [f64; 2] = [0.5, 24.0];
@@ -24,6 +25,8 @@ const MOVING: f64 = 0.05;
 const GAIN_MIN: f64 = 17.0;
 /// The most numbers of cycles that are tried.
 const TRIED_MAX: usize = 1500;
+/// So many numbers of cycles are tried at a time.
+const TOGETHER: usize = 16;
 
 /// What columns take off a target's squares beside others that are fitted with them, each of these held by a normal prior of
 /// variance 1.
@@ -80,21 +83,43 @@ impl Beside {
         (matrix, vector)
     }
 
-    /// By how much two columns lessen the squares.
-    pub fn gain(&self, a: &[f64], b: &[f64]) -> f64 {
-        let pair = DMatrix::from_fn(a.len(), 2, |row, k| if k == 0 { a[row] } else { b[row] });
-        let (mut matrix, vector) = self.information(&pair);
-        matrix += DMatrix::identity(2, 2) * (1e-9 * matrix.trace() + 1e-12);
-        matrix
-            .cholesky()
-            .map_or(0.0, |matrix| vector.dot(&matrix.solve(&vector)))
+    /// By how much each pair of columns lessens the squares.
+    pub fn gains(&self, pairs: &DMatrix<f64>) -> Vec<f64> {
+        let between = self.known.transpose() * pairs;
+        let along = pairs.tr_mul(&self.left);
+        let eliminated = self.information.as_ref().map(|own| own.solve(&between));
+        let gain = |first: usize| {
+            let mut matrix = Matrix2::zeros();
+            for (i, j) in [(0, 0), (1, 0), (1, 1)] {
+                let [one, other] = [first + i, first + j];
+                let mut own = pairs.column(one).dot(&pairs.column(other));
+                if let Some(eliminated) = &eliminated {
+                    own -= between.column(one).dot(&eliminated.column(other));
+                }
+                matrix[(i, j)] = own;
+                matrix[(j, i)] = own;
+            }
+            matrix += Matrix2::identity() * (1e-9 * matrix.trace() + 1e-12);
+            let vector = along.fixed_rows::<2>(first);
+            let fitted = matrix.cholesky().map(|matrix| matrix.solve(&vector));
+            fitted.map_or(0.0, |fitted| vector.dot(&fitted))
+        };
+        (0..pairs.ncols()).step_by(2).map(gain).collect()
     }
 }
 
 /// Cycles per motor turn at which a gain peaks above `GAIN_MIN`, the highest first, as far as the rows' range of angles tells
 /// them apart and below `most`. Of less than four periods only what is a whole number of cycles and has the most gain of all: a
 /// smooth shape has more the fewer the cycles, and small peaks beside.
-pub fn peaks(rows: &[&Row], most: f64, gain: impl Fn(f64) -> f64 + Sync, count: usize) -> Vec<f64> {
+///
+/// `gains` gets a sine and a cosine of each row's motor angle times each of some numbers of cycles, one pair of columns after the
+/// other, and tells each pair's gain.
+pub fn peaks(
+    rows: &[&Row],
+    most: f64,
+    gains: impl Fn(DMatrix<f64>) -> Vec<f64> + Sync,
+    count: usize,
+) -> Vec<f64> {
     let angles = || rows.iter().map(|row| row.motor_angle_rad);
     let (low, high) = angles().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
         (low.min(x), high.max(x))
@@ -114,10 +139,19 @@ pub fn peaks(rows: &[&Row], most: f64, gain: impl Fn(f64) -> f64 + Sync, count: 
         return Vec::new();
     }
     let tried = ((highest - lowest) / step) as usize + 1;
-    let gains: Vec<f64> = (0..tried)
-        .into_par_iter()
-        .map(|k| gain(lowest + k as f64 * step))
-        .collect();
+    let together: Vec<usize> = (0..tried).step_by(TOGETHER).collect();
+    let gains = together.into_par_iter().flat_map_iter(|first| {
+        let mut waves = Waves::from(angles(), lowest + first as f64 * step, step);
+        let count = TOGETHER.min(tried - first);
+        let mut pairs = Vec::with_capacity(2 * count * rows.len());
+        for _ in 0..count {
+            pairs.extend(waves.now().iter().map(|[sin, _]| *sin));
+            pairs.extend(waves.now().iter().map(|[_, cos]| *cos));
+            waves.turn();
+        }
+        gains(DMatrix::from_vec(rows.len(), 2 * count, pairs))
+    });
+    let gains: Vec<f64> = gains.collect();
     let mut found: Vec<(f64, f64)> = (0..tried)
         .filter(|&k| {
             let before = k.checked_sub(1).map_or(before_lowest, |k| gains[k]);
@@ -200,26 +234,23 @@ mod tests {
                 }
             })
             .collect();
-        let wave = |of: fn(f64) -> f64, cycles: f64| -> Vec<f64> {
-            let angles = rows.iter().map(|row| cycles * row.motor_angle_rad);
-            angles.map(of).collect()
-        };
-        let known = wave(|x| x, 1.0);
+        let known = rows.iter().map(|row| row.motor_angle_rad).collect();
         let target: Vec<f64> = rows
             .iter()
             .map(|row| (2.0 * row.motor_angle_rad + 0.4).sin() + 3.0 * row.motor_angle_rad)
             .collect();
         let beside = Beside::new(&[known], &target);
         let all: Vec<&Row> = rows.iter().collect();
-        let gain = |cycles: f64| beside.gain(&wave(f64::sin, cycles), &wave(f64::cos, cycles));
-        assert_eq!(peaks(&all, f64::INFINITY, gain, 2)[0], 2.0);
+        let gains = |waves: DMatrix<f64>| beside.gains(&waves);
+        assert_eq!(peaks(&all, f64::INFINITY, gains, 2)[0], 2.0);
         // a wave too small to be worth a name is not looked at
-        assert!(peaks(&all, f64::INFINITY, |cycles| 0.01 * gain(cycles), 2).is_empty());
+        let small = |waves| gains(waves).iter().map(|gain| 0.01 * gain).collect();
+        assert!(peaks(&all, f64::INFINITY, small, 2).is_empty());
         // half of the rows that move turn faster than 3.5 times a second
         let most = most_seen(&rows, 1.0, 10.0);
         assert!((most - 1.5).abs() < 0.1, "{most}");
         assert!(
-            peaks(&all, most, gain, 2)
+            peaks(&all, most, gains, 2)
                 .iter()
                 .all(|cycles| *cycles <= 2.0)
         );
@@ -241,11 +272,8 @@ mod tests {
                 rows.iter().map(|row| of(row.motor_angle_rad)).collect()
             };
             let beside = Beside::new(&[column(&|_| 1.0)], &column(&shape));
-            let gain = |cycles: f64| {
-                let [sin, cos] = [f64::sin, f64::cos].map(|of| column(&|x| of(cycles * x)));
-                beside.gain(&sin, &cos)
-            };
-            let peaks = peaks(&all, f64::INFINITY, gain, 2).into_iter();
+            let gains = |waves: DMatrix<f64>| beside.gains(&waves);
+            let peaks = peaks(&all, f64::INFINITY, gains, 2).into_iter();
             // of fewer than four periods
             peaks.filter(|cycles| *cycles < 1.6).collect::<Vec<f64>>()
         };

@@ -10,7 +10,7 @@ use joint_model::rigid_body::Chain;
 use nalgebra::{Isometry3, Vector3};
 use robot::Effect;
 
-use crate::load::{LoadChange, Motion};
+use crate::load::{AtKnot, LoadChange, Motion};
 
 /// From the last link's origin to the places of the payload.
 const PLACE_M: f64 = 0.1;
@@ -95,24 +95,28 @@ impl WholeArm {
     }
 
     fn payload_changes(&self, chain: &Chain, motion: &Motion) -> Option<Vec<LoadChange>> {
-        let gravity_m_s2 = chain.gravity_m_s2();
-        let loaded = PLACES.map(|place| changed_chain(chain, gravity_m_s2, &[payload(place)]));
-        self.changes(chain, motion, loaded.into_iter())
+        let loaded = loaded(chain, chain.gravity_m_s2())?;
+        Some(self.changes(&motion.at_knots(chain, self.joint), &loaded, motion))
     }
 
     fn gravity_changes(&self, chain: &Chain, motion: &Motion) -> Option<Vec<LoadChange>> {
-        let tilted = (0..3).map(|axis| changed_chain(chain, more_along(chain, axis), &[]));
-        self.changes(chain, motion, tilted)
+        let from = motion.at_knots(chain, self.joint);
+        let tilted = (0..3).map(|axis| {
+            let tilted = changed_chain(chain, more_along(chain, axis), &[])?;
+            let to = motion.at_knots(&tilted, self.joint);
+            Some(LoadChange::between(&from, &to))
+        });
+        tilted.collect()
     }
 
     fn weight_changes(&self, chain: &Chain, motion: &Motion) -> Option<Vec<LoadChange>> {
         let payloads = self.payloads.get()?.as_ref()?;
         let gravity = self.gravity.get()?.as_ref()?;
+        let from = motion.at_knots(chain, self.joint);
         let mut all = Vec::with_capacity(gravity.len() * PLACES.len());
         for (axis, gravity) in gravity.iter().enumerate() {
-            let gravity_m_s2 = more_along(chain, axis);
-            let both = PLACES.map(|place| changed_chain(chain, gravity_m_s2, &[payload(place)]));
-            let both = self.changes(chain, motion, both.into_iter())?;
+            let loaded = loaded(chain, more_along(chain, axis))?;
+            let both = self.changes(&from, &loaded, motion);
             for (mut change, payload) in both.into_iter().zip(payloads) {
                 change.add(payload, -1.0);
                 change.add(gravity, -1.0);
@@ -122,20 +126,19 @@ impl WholeArm {
         Some(all)
     }
 
-    fn changes(
-        &self,
-        chain: &Chain,
-        motion: &Motion,
-        changed: impl Iterator<Item = Option<Chain>>,
-    ) -> Option<Vec<LoadChange>> {
-        let from = motion.at_knots(chain, self.joint);
-        changed
-            .map(|changed| {
-                let to = motion.at_knots(&changed?, self.joint);
-                Some(LoadChange::between(&from, &to))
-            })
-            .collect()
+    fn changes(&self, from: &[AtKnot], changed: &[Chain], motion: &Motion) -> Vec<LoadChange> {
+        let changed = motion.at_knots_of(changed, self.joint);
+        let changes = changed.iter().map(|to| LoadChange::between(from, to));
+        changes.collect()
     }
+}
+
+/// With a kilogram at each of [`PLACES`], in this gravity.
+fn loaded(chain: &Chain, gravity_m_s2: Vector3<f64>) -> Option<Vec<Chain>> {
+    let places = PLACES.into_iter();
+    places
+        .map(|place| changed_chain(chain, gravity_m_s2, &[payload(place)]))
+        .collect()
 }
 
 /// A kilogram at a place.

@@ -76,6 +76,43 @@ impl Section {
         self.memory[1] = (self.b[2] - self.a[1]) * value;
         self.memory[0] = (self.b[1] - self.a[0]) * value + self.memory[1];
     }
+
+    /// For several signals side by side, each after an endless constant input.
+    fn settled<const N: usize>(&self, from: &[f64; N]) -> Together<N> {
+        let settled = from.map(|value| {
+            let mut section = *self;
+            section.settle(value);
+            section.memory
+        });
+        Together {
+            b: self.b,
+            a: self.a,
+            memory: [0, 1].map(|place| settled.map(|memory| memory[place])),
+        }
+    }
+}
+
+/// A section for several signals side by side.
+#[derive(Clone, Copy)]
+struct Together<const N: usize> {
+    b: [f64; 3],
+    a: [f64; 2],
+    memory: [[f64; N]; 2],
+}
+
+impl<const N: usize> Together<N> {
+    /// [`Section::step`] of each signal, in place.
+    #[inline]
+    fn step(&mut self, row: &mut [f64; N]) {
+        let [newer, older] = &mut self.memory;
+        for ((value, newer), older) in row.iter_mut().zip(newer).zip(older) {
+            let input = *value;
+            let output = self.b[0] * input + *newer;
+            *newer = self.b[1] * input - self.a[0] * output + *older;
+            *older = self.b[2] * input - self.a[1] * output;
+            *value = output;
+        }
+    }
 }
 
 /// A Butterworth low-pass.
@@ -124,26 +161,20 @@ impl Butterworth {
         from: &[f64; N],
         rows: impl Iterator<Item = &'a mut [f64; N]>,
     ) {
-        let mut all: ArrayVec<[Section; N], { ORDER_MAX.div_ceil(2) }> =
-            self.sections.iter().map(|section| [*section; N]).collect();
-        for of_signals in &mut all {
-            for (section, value) in of_signals.iter_mut().zip(from) {
-                section.settle(*value);
-            }
-        }
+        let sections = self.sections.iter();
+        let mut all: ArrayVec<Together<N>, { ORDER_MAX.div_ceil(2) }> =
+            sections.map(|section| section.settled(from)).collect();
         if let [first, second] = all.as_mut_slice() {
             // copies stay in registers
             let (mut one, mut other) = (*first, *second);
             for row in rows {
-                for (signal, value) in row.iter_mut().enumerate() {
-                    *value = other[signal].step(one[signal].step(*value));
-                }
+                one.step(row);
+                other.step(row);
             }
         } else {
             for row in rows {
-                for (signal, value) in row.iter_mut().enumerate() {
-                    let sections = all.iter_mut();
-                    *value = sections.fold(*value, |value, section| section[signal].step(value));
+                for section in &mut all {
+                    section.step(row);
                 }
             }
         }

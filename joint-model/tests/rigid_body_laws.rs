@@ -3,7 +3,7 @@
 mod rigid_body_chains;
 
 use joint_model::JOINTS_MAX;
-use joint_model::rigid_body::Chain;
+use joint_model::rigid_body::{Chain, Moving, Standing};
 use nalgebra::{DMatrix, Vector3};
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -98,6 +98,37 @@ proptest! {
     }
 
     #[test]
+    fn one_joint_of_a_heavier_chain_needs_what_the_whole_chain_tells(
+        count in joint_counts(),
+        position in joint_values(3.0),
+        velocity in joint_values(2.0),
+        acceleration in joint_values(20.0),
+        place in 0.0..1.0,
+    ) {
+        let (chain, _) = reference_chain(count);
+        let heavier = chain.with_heavier_link((place * count as f64) as usize, 1.7).expect("a heavier body is one");
+        prop_assert!(heavier.moves_as(&chain));
+        let mut moving = Moving::default();
+        chain.links_moving(&position, &velocity, &acceleration, &mut moving);
+        let mut standing = Standing::default();
+        chain.links_standing(&position, &mut standing);
+        let whole_nm = torque_nm(&heavier, &position, &velocity, &acceleration);
+        let gravity_nm = gravity_torque_nm(&heavier, &position);
+        for joint in 0..count {
+            prop_assert_eq!(heavier.moving_torque_nm(joint, &moving), whole_nm[joint]);
+            let carried = heavier.carried(joint, &standing);
+            prop_assert_eq!(standing.holding_torque_nm(joint, &carried), gravity_nm[joint]);
+            // turned by the joint itself, it carries the same
+            let mut turned = position.clone();
+            turned[joint] += 0.1;
+            chain.links_standing(&turned, &mut standing);
+            let turned_nm = gravity_torque_nm(&heavier, &turned)[joint];
+            prop_assert_eq!(standing.holding_torque_nm(joint, &carried), turned_nm);
+            chain.links_standing(&position, &mut standing);
+        }
+    }
+
+    #[test]
     fn gravity_torque_is_the_gradient_of_potential_energy(
         count in joint_counts(),
         position in joint_values(3.0),
@@ -178,6 +209,13 @@ fn fall(chain: &Chain, position: &mut JointValues, velocity: &mut JointValues, s
         *position = moved(position, &rate, weight * step_s / 6.0);
         *velocity = moved(velocity, &acceleration, weight * step_s / 6.0);
     }
+}
+
+#[test]
+fn a_chain_under_other_gravity_moves_in_another_way() {
+    let (chain, _) = reference_chain(3);
+    assert!(!chain.moves_as(&weightless(&chain)));
+    assert!(!chain.moves_as(&reference_chain(2).0));
 }
 
 #[test]

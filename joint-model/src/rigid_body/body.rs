@@ -42,6 +42,11 @@ pub(super) struct AugmentedLink {
 }
 
 impl Body {
+    /// Whether another link is joined to its parent as this one is.
+    pub(super) fn is_where(&self, other: &Self) -> bool {
+        self.rotation_at_zero == other.rotation_at_zero && self.origin_m == other.origin_m
+    }
+
     /// From this frame to the parent's.
     #[inline]
     pub(super) fn rotation(&self, position_rad: f64) -> Matrix3<f64> {

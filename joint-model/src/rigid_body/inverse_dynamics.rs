@@ -8,7 +8,7 @@
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Vector3};
 
-use super::body::AugmentedLink;
+use super::body::{AugmentedLink, Body};
 use super::{Chain, assert_joints};
 use crate::JOINTS_MAX;
 
@@ -64,34 +64,64 @@ impl Chain {
         acceleration_rad_s2: &[f64],
         loaded: &mut ArrayVec<LoadedLink, JOINTS_MAX>,
     ) {
-        let mut omega_rad_s = Vector3::zeros();
-        let mut alpha_rad_s2 = Vector3::zeros();
-        let mut field = Matrix3::zeros();
-        // A base that accelerates upwards takes the same torques as gravity.
-        let mut origin_m_s2 = -self.gravity_m_s2;
+        let mut moved = LinkMotion::of_base(self);
         let joints = position_rad
             .iter()
             .zip(velocity_rad_s)
             .zip(acceleration_rad_s2);
         for (body, ((&position, &velocity), &acceleration)) in self.bodies.iter().zip(joints) {
-            let rotation = body.rotation(position);
-            origin_m_s2 = rotation.tr_mul(&(origin_m_s2 + field * body.origin_m));
-            omega_rad_s = rotation.tr_mul(&omega_rad_s);
-            alpha_rad_s2 = rotation.tr_mul(&alpha_rad_s2)
-                + Vector3::new(
-                    omega_rad_s.y * velocity,
-                    -omega_rad_s.x * velocity,
-                    acceleration,
-                );
-            omega_rad_s.z += velocity;
-            field = acceleration_field(&omega_rad_s, &alpha_rad_s2);
-            let (force_n, moment_nm) = load(&body.augmented, &field, &origin_m_s2);
+            let rotation = moved.on_to(body, [position, velocity, acceleration]);
+            let (force_n, moment_nm) = load(&body.augmented, &moved.field, &moved.origin_m_s2);
             loaded.push(LoadedLink {
                 rotation,
                 force_n,
                 moment_nm,
             });
         }
+    }
+}
+
+/// How a link moves, in its frame.
+pub(super) struct LinkMotion {
+    omega_rad_s: Vector3<f64>,
+    alpha_rad_s2: Vector3<f64>,
+    /// `Ω`.
+    pub(super) field: Matrix3<f64>,
+    /// Of its origin.
+    pub(super) origin_m_s2: Vector3<f64>,
+}
+
+impl LinkMotion {
+    /// A base that accelerates upwards takes the same torques as gravity.
+    pub(super) fn of_base(chain: &Chain) -> Self {
+        Self {
+            omega_rad_s: Vector3::zeros(),
+            alpha_rad_s2: Vector3::zeros(),
+            field: Matrix3::zeros(),
+            origin_m_s2: -chain.gravity_m_s2,
+        }
+    }
+
+    /// From a link to the next, whose joint is at this position, velocity and acceleration. Returns the rotation from the
+    /// next one's frame to this one's.
+    #[inline]
+    pub(super) fn on_to(
+        &mut self,
+        body: &Body,
+        [position, velocity, acceleration]: [f64; 3],
+    ) -> Matrix3<f64> {
+        let rotation = body.rotation(position);
+        self.origin_m_s2 = rotation.tr_mul(&(self.origin_m_s2 + self.field * body.origin_m));
+        self.omega_rad_s = rotation.tr_mul(&self.omega_rad_s);
+        self.alpha_rad_s2 = rotation.tr_mul(&self.alpha_rad_s2)
+            + Vector3::new(
+                self.omega_rad_s.y * velocity,
+                -self.omega_rad_s.x * velocity,
+                acceleration,
+            );
+        self.omega_rad_s.z += velocity;
+        self.field = acceleration_field(&self.omega_rad_s, &self.alpha_rad_s2);
+        rotation
     }
 }
 
@@ -115,7 +145,7 @@ fn acceleration_field(omega: &Vector3<f64>, alpha: &Vector3<f64>) -> Matrix3<f64
 
 /// Force `∫ a + Ω r dm` and moment `∫ r × (a + Ω r) dm`; the augmented links are without mass at their origin.
 #[inline]
-fn load(
+pub(super) fn load(
     link: &AugmentedLink,
     field: &Matrix3<f64>,
     origin_m_s2: &Vector3<f64>,

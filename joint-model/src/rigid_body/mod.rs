@@ -28,10 +28,12 @@ mod forward_dynamics;
 mod gravity;
 mod inverse_dynamics;
 mod kinematics;
+mod one_joint;
 mod published_gravity;
 mod symmetric;
 
 pub use chain::{Chain, ChainError, Link};
+pub use one_joint::{Carried, Moving, Standing};
 pub use published_gravity::PublishedGravity;
 
 /// Panics when a slice of joint values is shorter than the chain.
