@@ -102,7 +102,7 @@ pub fn make_case(plan: &CasePlan, folder: &Path) -> Result<Label, BlindError> {
     };
     fs::create_dir_all(&folder).map_err(|error| file_error(&folder, error))?;
     let [robot_path, recording_path] = CASE_FILES.map(|name| folder.join(name));
-    let text = toml::to_string(&case.rig.file)?;
+    let text = case.rig.file.to_toml()?;
     fs::write(&robot_path, text).map_err(|error| file_error(&robot_path, error))?;
     write_recording(&case.run, &case.rig, &recording_path)?;
     for name in CASE_FILES {

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 
 use joint_model::filter::FilterError;
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 use recording::Recording;
 use robot::Robot;
 
@@ -13,6 +12,7 @@ use crate::diagnose::{DiagnoseError, blank_report, insufficient};
 use crate::judge;
 use crate::mend;
 use crate::observe::Channel;
+use crate::on_all_cores::OnAllCores;
 use crate::rank::Round;
 use crate::report::{
     BeforeAfter, Candidate, Gap, JointReport, NamedEffect, Remaining, Report, Verdict, Where,
@@ -55,8 +55,7 @@ pub fn baseline(
     let robot = &mend::robot(robot, &[]);
     let stretches = stretches(&tables, robot)?;
     report.joints = (0..robot.joints.len())
-        .into_par_iter()
-        .map(|index| {
+        .on_all_cores(|index| {
             let name = &robot.joints[index].name;
             let Some(twin) = JointTwin::new(robot, index, &stretches)? else {
                 let why = "nothing tells the joint's torque".to_owned();
@@ -84,8 +83,8 @@ fn choices(round: &Round, method: Baseline) -> Vec<Choice> {
     };
     let mut all: Vec<Choice> = linear
         .hypotheses
-        .par_iter()
-        .map(|(hypothesis, own)| {
+        .iter()
+        .on_all_cores(|(hypothesis, own)| {
             let (left, amplitudes) = least_squares(beside, own, &target);
             Choice {
                 effect: hypothesis.effect,

@@ -3,11 +3,11 @@
 //! judged again beside it where that explains more.
 
 use joint_model::filter::FilterError;
-use rayon::prelude::*;
 use robot::{Effect, Robot};
 
 use crate::evidence::naming;
 use crate::explain::{Explanation, explain, without_effects};
+use crate::on_all_cores::OnAllCores;
 use crate::refine::Refined;
 use crate::repeats::floor::Repeated;
 use crate::report::DataFinding;
@@ -74,8 +74,7 @@ impl Beside {
         stretches: &'a [Stretch],
     ) -> Result<Vec<Option<JointTwin<'a>>>, FilterError> {
         (0..self.robot.joints.len())
-            .into_par_iter()
-            .map(|joint| {
+            .on_all_cores(|joint| {
                 if self.others.contains(&joint) {
                     JointTwin::new(&self.robot, joint, stretches)
                 } else {
@@ -130,9 +129,9 @@ pub(crate) fn explained_again<'a>(
     repeated: &Repeated,
 ) -> Result<(Vec<Searched<'a>>, Vec<DataFinding>), FilterError> {
     let all = tried
-        .par_iter()
+        .iter()
         .zip(twins)
-        .map(|(beside, twins)| better(&beside.robot, twins, &joints, repeated))
+        .on_all_cores(|(beside, twins)| better(&beside.robot, twins, &joints, repeated))
         .collect::<Result<Vec<_>, FilterError>>()?;
     let mut best: Option<(f64, &Beside, Vec<Better<'a>>)> = None;
     for (beside, better) in tried.iter().zip(all) {
@@ -146,8 +145,8 @@ pub(crate) fn explained_again<'a>(
     };
     let notes = better.iter().map(|of| beside.note(of.joint)).collect();
     let again = better
-        .into_par_iter()
-        .map(|Better { joint, search, .. }| {
+        .into_iter()
+        .on_all_cores(|Better { joint, search, .. }| {
             let settled = joints[joint]
                 .as_ref()
                 .map_or(&[][..], |(_, before)| &before.without.model.settled);
@@ -177,10 +176,10 @@ fn better<'a>(
     repeated: &Repeated,
 ) -> Result<Vec<Better<'a>>, FilterError> {
     let all = twins
-        .par_iter()
+        .iter()
         .zip(joints)
         .enumerate()
-        .map(|(joint, (twin, before))| {
+        .on_all_cores(|(joint, (twin, before))| {
             let (Some(twin), Some((search, explanation))) = (twin, before) else {
                 return Ok(None);
             };

@@ -5,7 +5,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use joint_model::filter::FilterError;
-use rayon::prelude::*;
 use recording::Recording;
 use robot::{Effect, Robot};
 
@@ -17,6 +16,7 @@ use crate::found::Found;
 use crate::hypothesis;
 use crate::judge;
 use crate::mend;
+use crate::on_all_cores::OnAllCores;
 use crate::ratio;
 use crate::repeats::floor::Repeated;
 use crate::report::{
@@ -115,9 +115,9 @@ pub fn diagnose(
         let stretches = stretches(&tables, robot)?;
         let twins = robot
             .joints
-            .par_iter()
+            .iter()
             .enumerate()
-            .map(|(index, _)| {
+            .on_all_cores(|(index, _)| {
                 if against[index].is_some() {
                     return Ok(None);
                 }
@@ -130,13 +130,13 @@ pub fn diagnose(
         report.data.extend(notes);
         let tried = Beside::among(robot, &joints);
         let stretches = tried
-            .par_iter()
-            .map(|beside| self::stretches(&tables, &beside.robot))
+            .iter()
+            .on_all_cores(|beside| self::stretches(&tables, &beside.robot))
             .collect::<Result<Vec<_>, StretchError>>()?;
         let twins = tried
-            .par_iter()
+            .iter()
             .zip(&stretches)
-            .map(|(beside, stretches)| beside.twins(stretches))
+            .on_all_cores(|(beside, stretches)| beside.twins(stretches))
             .collect::<Result<Vec<_>, FilterError>>()?;
         let (joints, notes) = beside::explained_again(&tried, &twins, joints, &repeated)?;
         report.data.extend(notes);
@@ -144,9 +144,9 @@ pub fn diagnose(
         checked.add(ratio::doubted(robot, &tables, counted, &joints)?);
         let common = shared::common_delay(counted);
         let told = joints
-            .par_iter()
+            .iter()
             .enumerate()
-            .map(|(index, joint)| {
+            .on_all_cores(|(index, joint)| {
                 let name = &robot.joints[index].name;
                 if let Some(why) = checked.against(name) {
                     return Ok((insufficient(name, why), Vec::new(), None));
@@ -227,9 +227,9 @@ pub(crate) fn prepared(
     let timing = Timing::of(robot, tables);
     let counted: Vec<Vec<Found>> = robot
         .joints
-        .par_iter()
+        .iter()
         .enumerate()
-        .map(|(index, joint)| {
+        .on_all_cores(|(index, joint)| {
             if looks_at(index) {
                 samples::find(tables, joint, &timing)
             } else {
@@ -287,10 +287,10 @@ fn searched<'a>(
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<(Vec<Searched<'a>>, Option<Shared>), FilterError> {
     let beginnings = twins
-        .par_iter()
+        .iter()
         .zip(counted)
         .zip(&robot.joints)
-        .map(|((twin, counted), joint)| {
+        .on_all_cores(|((twin, counted), joint)| {
             let Some(twin) = twin else {
                 return Ok(None);
             };
@@ -351,8 +351,8 @@ fn explained(
     tell: &(dyn Fn() + Sync),
 ) -> Result<Vec<Option<Explanation>>, FilterError> {
     beginnings
-        .par_iter()
-        .map(|joint| {
+        .iter()
+        .on_all_cores(|joint| {
             let explained = match (joint, shared) {
                 (Some((search, begun)), Some(shared)) => {
                     Some(begun.beside(search, &shared.term)?.explain(search)?)

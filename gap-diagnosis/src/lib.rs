@@ -25,6 +25,7 @@ mod lost;
 mod made_up;
 pub mod mend;
 pub mod observe;
+mod on_all_cores;
 pub mod oracle;
 pub mod place;
 pub mod rank;

@@ -5,13 +5,13 @@ use std::ops::Range;
 
 use joint_model::filter::FilterError;
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
 use crate::evidence::{Left, most_by_rest, together, variance_of};
 use crate::fit::{Blocks, HeldOut, matrix};
 use crate::hypothesis::Hypothesis;
 use crate::known::{Known, KnownValue};
 use crate::observe::Channel;
+use crate::on_all_cores::OnAllCores;
 use crate::refine::Refined;
 use crate::respond::Linear;
 use crate::search::{Model, SLOWEST_LOOP_HZ, Search, Term, strain};
@@ -163,10 +163,14 @@ impl Round {
             others.map(move |other| [one, other])
         });
         let pairs: Vec<[usize; 2]> = pairs.collect();
-        let fits: Vec<(Left, [Term; 2])> =
-            pairs.par_iter().map(|pair| self.fitted(*pair)).collect();
-        let alone: Vec<(Left, [Term; 1])> =
-            leading.par_iter().map(|one| self.fitted([*one])).collect();
+        let fits: Vec<(Left, [Term; 2])> = pairs
+            .iter()
+            .on_all_cores(|pair| self.fitted(*pair))
+            .collect();
+        let alone: Vec<(Left, [Term; 1])> = leading
+            .iter()
+            .on_all_cores(|one| self.fitted([*one]))
+            .collect();
         let without = self.fitted([]).0;
         let squares = fits.iter().map(|(left, _)| left.square);
         let variance = variance_of(&self.ranking, squares.fold(f64::INFINITY, f64::min));
@@ -322,7 +326,7 @@ impl Search<'_> {
         let whitener = &self.whitener;
         let columns = linear.hypotheses.iter().flat_map(|(_, columns)| columns);
         let columns: Vec<&Vec<f64>> = columns.collect();
-        let white: Vec<Vec<f64>> = columns.par_iter().map(|c| whitener.apply(c)).collect();
+        let white: Vec<Vec<f64>> = columns.iter().on_all_cores(|c| whitener.apply(c)).collect();
         let white = linear.known.white.iter().chain(&white);
         let target = whitener.apply(&linear.residual_nm);
         let mut bounds = self.bounds();
@@ -353,9 +357,9 @@ impl Search<'_> {
             .collect();
         let mut scored: Vec<Scored> = linear
             .hypotheses
-            .par_iter()
+            .iter()
             .zip(&places)
-            .map(|((hypothesis, own), &(place, count))| {
+            .on_all_cores(|((hypothesis, own), &(place, count))| {
                 let chosen: Vec<usize> =
                     known.iter().copied().chain(place..place + count).collect();
                 let fit = blocks.all.fit(&chosen);
@@ -419,8 +423,8 @@ impl Search<'_> {
         let is_named = !(model.terms.is_empty() && model.settled.is_empty());
         let is_in_worst = self.in_worst_second(&target);
         families(self.twin, &refined.residual_nm)
-            .into_par_iter()
-            .map(|mut family| {
+            .into_iter()
+            .on_all_cores(|mut family| {
                 // each channel is whitened alone, so that it may be left out afterwards
                 family.columns = white(&family.columns);
                 let nats = worth(&family);

@@ -2,7 +2,6 @@
 //! payload with friction of its own. One number that leaves as little as several effects do is the simpler cause.
 
 use joint_model::filter::FilterError;
-use rayon::prelude::*;
 use recording::{Finding, FindingKind, Recording, Severity, Signal};
 use robot::Robot;
 
@@ -14,6 +13,7 @@ use crate::explain::{
     roughly_fitted,
 };
 use crate::found::Found;
+use crate::on_all_cores::OnAllCores;
 use crate::rigid::{Moving, thinned};
 use crate::search::{Model, Search};
 use crate::step::is_beyond;
@@ -111,8 +111,8 @@ fn best(
         Ok(left.unwrap_or(f64::INFINITY))
     };
     let lefts = [1.0 / FITTED_APART, 1.0, FITTED_APART]
-        .into_par_iter()
-        .map(|step| left(factor * step))
+        .into_iter()
+        .on_all_cores(|step| left(factor * step))
         .collect::<Result<Vec<_>, DiagnoseError>>()?;
     let step = if lefts[0] < lefts[2] {
         1.0 / FITTED_APART
@@ -175,8 +175,8 @@ fn by_rigid_bodies(robot: &Robot, tables: &[&Recording], joint: usize) -> Option
     let least = |about: f64, apart: f64, farthest: f64| {
         let steps = (farthest.ln() / apart.ln()) as i32;
         let all: Vec<(f64, f64)> = (-steps..=steps)
-            .into_par_iter()
-            .filter_map(|step| left(about * apart.powi(step)))
+            .on_all_cores(|step| left(about * apart.powi(step)))
+            .flatten()
             .collect();
         let best = all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
         best.map(|(factor, _)| factor)

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use joint_model::filter::FilterError;
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
 use crate::fit::{Blocks, Bound, Regression, block_of};
+use crate::on_all_cores::OnAllCores;
 use crate::rank::Round;
 use crate::respond::Whitened;
 use crate::search::{Model, Search, Term, difference, strain};
@@ -130,8 +130,8 @@ impl Search<'_> {
         starts: &[Model],
     ) -> Result<Vec<Refined>, FilterError> {
         let begun = starts
-            .par_iter()
-            .map(|start| self.stepped_on(round, start, STEPS_TRIED))
+            .iter()
+            .on_all_cores(|start| self.stepped_on(round, start, STEPS_TRIED))
             .collect::<Result<Vec<_>, FilterError>>()?;
         let left = |refined: &Refined| self.left(&refined.model, &refined.residual_nm).total();
         let mut begun: Vec<(f64, Refined)> = begun
@@ -141,8 +141,8 @@ impl Search<'_> {
             .collect();
         begun.sort_by(|a, b| a.0.total_cmp(&b.0));
         begun.truncate(STARTS_KEPT);
-        let best = begun.par_iter();
-        best.map(|(_, refined)| self.refine(round, &refined.model))
+        let best = begun.iter();
+        best.on_all_cores(|(_, refined)| self.refine(round, &refined.model))
             .collect()
     }
 
@@ -312,8 +312,8 @@ impl Search<'_> {
                 })
                 .collect();
             let lefts = models
-                .par_iter()
-                .map(left)
+                .iter()
+                .on_all_cores(left)
                 .collect::<Result<Vec<f64>, FilterError>>()?;
             for (k, model) in models.into_iter().enumerate() {
                 let before = k.checked_sub(1).map(|before| lefts[before]);
@@ -384,8 +384,8 @@ impl Search<'_> {
             }
         }
         let responses = probes
-            .par_iter()
-            .map(|probe| {
+            .iter()
+            .on_all_cores(|probe| {
                 let response = self.coarsely_nm(probe)?;
                 Ok(difference(&response, &base))
             })

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use joint_model::filter::FilterError;
 use nalgebra::DMatrix;
-use rayon::prelude::*;
 
 use crate::hypothesis::{Hypothesis, periodic};
 use crate::observe::Channel;
+use crate::on_all_cores::OnAllCores;
 use crate::search::{Model, Search, difference};
 use crate::spectrum::{Beside, below, most_seen, peaks};
 use crate::twin::{Changes, Row};
@@ -85,8 +85,7 @@ impl Search<'_> {
         model: &Model,
     ) -> Result<Arc<Whitened>, FilterError> {
         let responses = (0..self.twin.known.len())
-            .into_par_iter()
-            .map(|index| {
+            .on_all_cores(|index| {
                 let mut column =
                     self.response(base, model, |changes| changes.known[index] += PROBE)?;
                 column.iter_mut().for_each(|value| *value /= PROBE);
@@ -98,8 +97,10 @@ impl Search<'_> {
 
     /// Responses with what the whitener makes of them.
     pub(crate) fn whitened(&self, raw_nm: Vec<Vec<f64>>) -> Whitened {
-        let columns = raw_nm.par_iter();
-        let white = columns.map(|column| self.whitener.apply(column)).collect();
+        let columns = raw_nm.iter();
+        let white = columns
+            .on_all_cores(|column| self.whitener.apply(column))
+            .collect();
         Whitened { raw_nm, white }
     }
 
@@ -110,8 +111,8 @@ impl Search<'_> {
         hypotheses: Vec<Hypothesis>,
     ) -> Result<Vec<Columns>, FilterError> {
         hypotheses
-            .into_par_iter()
-            .map(|hypothesis| {
+            .into_iter()
+            .on_all_cores(|hypothesis| {
                 let columns = self.hypothesis_columns(base, model, &hypothesis)?;
                 Ok((hypothesis, columns))
             })

@@ -2,12 +2,12 @@
 //! what is off may lie where rows count little. They are looked at again with those rows counting more.
 
 use joint_model::filter::FilterError;
-use rayon::prelude::*;
 use robot::Robot;
 
 use crate::beside::Searched;
 use crate::explain::{Explanation, explain};
 use crate::judge::Squares;
+use crate::on_all_cores::OnAllCores;
 use crate::report::DataFinding;
 use crate::search::Search;
 use crate::step::is_beyond;
@@ -33,9 +33,9 @@ pub(crate) fn looked_at<'a>(
     joints: Vec<Searched<'a>>,
 ) -> Result<(Vec<Searched<'a>>, Vec<DataFinding>), FilterError> {
     let looked_at = joints
-        .into_par_iter()
+        .into_iter()
         .zip(&robot.joints)
-        .map(|(joint, of)| {
+        .on_all_cores(|(joint, of)| {
             let look = match &joint {
                 Some((search, explanation)) => look(search, explanation)?,
                 None => Look::Nothing,

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use joint_model::filter::FilterError;
 use rand_core::{RngCore, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use rayon::prelude::*;
 use robot::Effect;
 
 use crate::evidence::Left;
@@ -13,6 +12,7 @@ use crate::fit::Bound;
 use crate::hypothesis::{Hypothesis, Shown, plain};
 use crate::known::Known;
 use crate::observe::Channel;
+use crate::on_all_cores::OnAllCores;
 use crate::scale::Scale;
 use crate::simulate::Between;
 use crate::trust::Trust;
@@ -138,8 +138,7 @@ impl<'a> Search<'a> {
         let nominal = Changes::default();
         let clean = twin.simulated(&nominal, None)?;
         let noisy = (1..=NOISY_RUNS)
-            .into_par_iter()
-            .map(|seed| twin.simulated(&nominal, Some(seed)))
+            .on_all_cores(|seed| twin.simulated(&nominal, Some(seed)))
             .collect::<Result<Vec<_>, _>>()?;
         let runs = NOISY_RUNS as f64;
         let mean: Vec<f64> = (0..clean.len())
@@ -297,8 +296,7 @@ impl<'a> Search<'a> {
     pub(crate) fn roughness(&self, model: &Model, residual_nm: &[f64]) -> Result<f64, FilterError> {
         let to_reach_nm = self.to_reach_nm(model, residual_nm)?;
         let objectives = (0..ROUGH_RUNS)
-            .into_par_iter()
-            .map(|run| {
+            .on_all_cores(|run| {
                 let mut beside = model.clone();
                 beside.known.resize(self.twin.known.len(), 0.0);
                 let mut random = uniform(run);

@@ -4,7 +4,6 @@
 //! to the other, `φ_known` to what the robot file may be a little wrong about, and `F` the whitening of the diagnosis. Below 9
 //! nobody can tell the two apart.
 
-use rayon::prelude::*;
 use recording::Recording;
 use robot::{Effect, Robot};
 
@@ -13,6 +12,7 @@ use crate::fit::{Bound, Regression};
 use crate::hypothesis::{Hypothesis, Shown, periodic, plain};
 use crate::mend;
 use crate::observe::Channel;
+use crate::on_all_cores::OnAllCores;
 use crate::place;
 use crate::report::Regime;
 use crate::search::Search;
@@ -92,8 +92,7 @@ impl<'a> Responses<'a> {
             known_nm: Vec::new(),
         };
         responses.known_nm = (0..count)
-            .into_par_iter()
-            .map(|index| {
+            .on_all_cores(|index| {
                 let mut known = vec![0.0; count];
                 known[index] = 1.0;
                 responses.to(Changes {
@@ -124,8 +123,8 @@ impl<'a> Responses<'a> {
         let white = self.search.whitener.apply(&target_nm);
         let each = self
             .variants(pair)
-            .into_par_iter()
-            .map(|hypothesis| self.imitated(&target_nm, &white, &hypothesis))
+            .into_iter()
+            .on_all_cores(|hypothesis| self.imitated(&target_nm, &white, &hypothesis))
             .collect::<Result<Vec<_>, DiagnoseError>>()?;
         let nearest = each.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
         // an effect that no simulation shows is imitated by what is known alone

@@ -3,12 +3,12 @@
 
 use joint_model::filter::FilterError;
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 use robot::Effect;
 
 use crate::evidence::{Remains, naming, remains, tempered_nats};
 use crate::found::Found;
 use crate::hypothesis::{Hypothesis, shared};
+use crate::on_all_cores::OnAllCores;
 use crate::refine::Refined;
 use crate::search::{Model, Search, Term};
 use crate::step::Step;
@@ -57,9 +57,9 @@ impl Shared {
         let mut fitted = vec![None; joints.len()];
         for pass in 0..REFITS {
             let told = joints
-                .par_iter()
+                .iter()
                 .zip(&models)
-                .map(|(seen, model)| {
+                .on_all_cores(|(seen, model)| {
                     let Some((search, step)) = seen else {
                         return Ok(None);
                     };
@@ -198,14 +198,14 @@ pub fn find(joints: &[Option<Seen<'_, '_>>]) -> Result<Option<Shared>, FilterErr
         let is_best = best.as_ref().is_none_or(|(most, _)| nats > *most);
         if ahead > 0.0 && shared.joints.len() > 1 && is_best {
             // names that leave most of it would be wrong names
-            let imitated = shared.joints.par_iter().filter(|joint| {
-                let fit = joints[**joint].zip(fitted[**joint].as_ref());
+            let imitated = shared.joints.iter().on_all_cores(|joint| {
+                let fit = joints[*joint].zip(fitted[*joint].as_ref());
                 fit.is_some_and(|((search, step), (worth, refined))| {
                     let structure = search.structure(&step.round, refined);
                     remains(&structure, *worth) == Remains::Most
                 })
             });
-            if 2 * imitated.count() < shared.joints.len() {
+            if 2 * imitated.filter(|is| *is).count() < shared.joints.len() {
                 best = Some((nats, shared));
             }
         }

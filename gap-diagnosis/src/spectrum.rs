@@ -3,9 +3,9 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix2};
-use rayon::prelude::*;
 
 use crate::fit::matrix;
+use crate::on_all_cores::OnAllCores;
 use crate::twin::Row;
 use crate::waves::Waves;
 
@@ -139,8 +139,7 @@ pub fn peaks(
         return Vec::new();
     }
     let tried = ((highest - lowest) / step) as usize + 1;
-    let together: Vec<usize> = (0..tried).step_by(TOGETHER).collect();
-    let gains = together.into_par_iter().flat_map_iter(|first| {
+    let gains = (0..tried).step_by(TOGETHER).on_all_cores(|first| {
         let mut waves = Waves::from(angles(), lowest + first as f64 * step, step);
         let count = TOGETHER.min(tried - first);
         let mut pairs = Vec::with_capacity(2 * count * rows.len());
@@ -151,7 +150,7 @@ pub fn peaks(
         }
         gains(DMatrix::from_vec(rows.len(), 2 * count, pairs))
     });
-    let gains: Vec<f64> = gains.collect();
+    let gains: Vec<f64> = gains.flatten().collect();
     let mut found: Vec<(f64, f64)> = (0..tried)
         .filter(|&k| {
             let before = k.checked_sub(1).map_or(before_lowest, |k| gains[k]);

@@ -1,13 +1,13 @@
 //! One step of an explanation: every effect beside a model, the leading ones fitted by simulation.
 
 use joint_model::filter::FilterError;
-use rayon::prelude::*;
 
 use crate::evidence::{
     Left, Probability, SAME_TORQUE, Simulated, Standings, standings, together, variance_of,
 };
 use crate::judge::Squares;
 use crate::observe::Channel;
+use crate::on_all_cores::OnAllCores;
 use crate::rank::{ALIKE, Round};
 use crate::refine::Refined;
 use crate::search::{Model, Search, Term};
@@ -134,8 +134,8 @@ impl Step {
         let was = before.and_then(|model| model.terms.last());
         let was_twist = was.is_some_and(|term| term.hypothesis.gives());
         let starts = leading
-            .into_par_iter()
-            .map(|index| {
+            .into_iter()
+            .on_all_cores(|index| {
                 let scored = of(index);
                 let mut terms = vec![Term {
                     hypothesis: scored.hypothesis.clone(),
@@ -161,8 +161,8 @@ impl Step {
             starts.push((index, model.clone()));
         }
         let ends = starts
-            .par_iter()
-            .map(|(_, model)| search.refine(&round, model))
+            .iter()
+            .on_all_cores(|(_, model)| search.refine(&round, model))
             .collect::<Result<Vec<_>, FilterError>>()?;
         for ((index, _), refined) in starts.into_iter().zip(ends) {
             let left = search.left(&refined.model, &refined.residual_nm);

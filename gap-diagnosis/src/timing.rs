@@ -4,12 +4,12 @@
 //! recorders write down the torque that acts from a row on instead: that is their order of work, and no effect. Where the
 //! robot file tells no controller, nobody told a delay either.
 
-use rayon::prelude::*;
 use recording::{JointColumns, Recording, Signal};
 use robot::{Control, ControlKind, Robot, RobotJoint};
 
 use crate::control::is_slower_than_loop;
 use crate::follow::{answered_after, told_delay};
+use crate::on_all_cores::OnAllCores;
 use crate::report::DataFinding;
 use crate::runs;
 
@@ -45,9 +45,9 @@ impl Timing {
             return timing;
         };
         let after = |told: Option<f64>| -> Vec<Option<f64>> {
-            let joints = robot.joints.par_iter();
+            let joints = robot.joints.iter();
             let of_joint = |joint| answered_after(&columns(recordings, joint), 1.0 / rate_hz, told);
-            joints.map(of_joint).collect()
+            joints.on_all_cores(of_joint).collect()
         };
         match told.filter(|_| timing.is_told) {
             Some(control) if is_slower_than_loop(control, rate_hz) => {}

@@ -55,6 +55,16 @@ pub struct TrajectoryFile {
     pub joints: Vec<JointEntry>,
 }
 
+impl TrajectoryFile {
+    /// The text of a file that says the same.
+    ///
+    /// # Errors
+    /// [`toml::ser::Error`] for a value that TOML does not have.
+    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
+        toml::to_string(self)
+    }
+}
+
 /// Loads a trajectory by name, from a TOML file or from a CSV file of waypoints.
 ///
 /// # Errors

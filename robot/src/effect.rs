@@ -193,6 +193,14 @@ impl Effect {
         <Self as strum::VariantNames>::VARIANTS
     }
 
+    /// As the keys of a TOML table.
+    ///
+    /// # Errors
+    /// [`toml::ser::Error`] for a value that TOML does not have.
+    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
+        toml::to_string(self)
+    }
+
     /// Whether the effect belongs to the whole arm and to no joint: payload and base tilt.
     pub fn is_whole_arm(&self) -> bool {
         matches!(self, Self::Payload { .. } | Self::BaseTilt { .. })

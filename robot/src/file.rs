@@ -52,6 +52,14 @@ impl RobotFile {
     pub fn parse(text: &str, file: &str) -> Result<Self, RobotError> {
         parse(text, file)
     }
+
+    /// The text of a file that says the same.
+    ///
+    /// # Errors
+    /// [`toml::ser::Error`] for a value that TOML does not have.
+    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
+        toml::to_string(self)
+    }
 }
 
 fn down() -> [f64; 3] {

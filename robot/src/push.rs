@@ -41,11 +41,15 @@ pub(crate) struct PushEntry {
 /// [`RobotError`]: one line with file, entry, and what to change.
 pub fn load_pushes(path: impl AsRef<Path>, robot: &Robot) -> Result<Vec<Push>, RobotError> {
     let (file, text) = read_file(path.as_ref())?;
-    let entries = parse::<InjectionFile>(&text, &file)?.pushes;
+    parse_pushes(&text, &file, robot)
+}
+
+fn parse_pushes(text: &str, file: &str, robot: &Robot) -> Result<Vec<Push>, RobotError> {
+    let entries = parse::<InjectionFile>(text, file)?.pushes;
     let each = entries.into_iter().enumerate();
     each.map(|(index, entry)| {
         push(
-            &Place::new(&file, format!("push {}", index + 1)),
+            &Place::new(file, format!("push {}", index + 1)),
             entry,
             robot,
         )

@@ -15,6 +15,10 @@ use realtime::process::user_id;
 use realtime::wait::readable;
 
 use crate::instance::Instance;
+use crate::messages::{
+    Command, DriveCommand, DriveSample, Heartbeat, LastCycle, LoopStatus, OperatorRequest,
+    PlantTruth, SensorSample, Supervision, TorqueEstimate,
+};
 use crate::topics::{Signal, Topic};
 
 type Ipc = ipc::Service;
@@ -49,8 +53,50 @@ pub enum BusError {
 }
 
 /// Payloads that may travel: fixed layout, no pointers.
-pub trait Message: ZeroCopySend + Copy + Debug + 'static {}
-impl<T: ZeroCopySend + Copy + Debug + 'static> Message for T {}
+///
+/// What opens a topic is a method of the message, so that the middleware's code for it is compiled once, in this crate, and not in
+/// every program anew.
+pub trait Message: ZeroCopySend + Copy + Debug + 'static {
+    /// [`Bus::writer`].
+    ///
+    /// # Errors
+    /// [`BusError::Open`].
+    fn writer(bus: &Bus, topic: &Topic<Self>) -> Result<Writer<Self>, BusError>;
+
+    /// [`Bus::reader`].
+    ///
+    /// # Errors
+    /// [`BusError::Open`].
+    fn reader(bus: &Bus, topic: &Topic<Self>) -> Result<Reader<Self>, BusError>;
+}
+
+macro_rules! messages {
+    ($($message:ty),+ $(,)?) => {$(
+        impl Message for $message {
+            fn writer(bus: &Bus, topic: &Topic<Self>) -> Result<Writer<Self>, BusError> {
+                bus.open_writer(topic)
+            }
+
+            fn reader(bus: &Bus, topic: &Topic<Self>) -> Result<Reader<Self>, BusError> {
+                bus.open_reader(topic)
+            }
+        }
+    )+};
+}
+
+messages!(
+    Command,
+    DriveCommand,
+    DriveSample,
+    Heartbeat,
+    LastCycle,
+    LoopStatus,
+    OperatorRequest,
+    PlantTruth,
+    SensorSample,
+    Supervision,
+    TorqueEstimate,
+);
 
 impl Bus {
     /// Joins the instance.
@@ -82,6 +128,18 @@ impl Bus {
     /// # Errors
     /// [`BusError::Open`], also when there is a writer already.
     pub fn writer<T: Message>(&self, topic: &Topic<T>) -> Result<Writer<T>, BusError> {
+        T::writer(self, topic)
+    }
+
+    /// Becomes a reader of the topic, with the topic's whole buffer.
+    ///
+    /// # Errors
+    /// [`BusError::Open`], also when the topic has all the readers it admits.
+    pub fn reader<T: Message>(&self, topic: &Topic<T>) -> Result<Reader<T>, BusError> {
+        T::reader(self, topic)
+    }
+
+    fn open_writer<T: Message>(&self, topic: &Topic<T>) -> Result<Writer<T>, BusError> {
         let error = |reason: String| BusError::Open {
             topic: topic.name,
             role: "writer",
@@ -103,11 +161,7 @@ impl Bus {
         Ok(writer)
     }
 
-    /// Becomes a reader of the topic, with the topic's whole buffer.
-    ///
-    /// # Errors
-    /// [`BusError::Open`], also when the topic has all the readers it admits.
-    pub fn reader<T: Message>(&self, topic: &Topic<T>) -> Result<Reader<T>, BusError> {
+    fn open_reader<T: Message>(&self, topic: &Topic<T>) -> Result<Reader<T>, BusError> {
         let error = |reason: String| BusError::Open {
             topic: topic.name,
             role: "reader",

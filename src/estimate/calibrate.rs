@@ -106,6 +106,6 @@ fn write_robot(file: &RobotFile, source: Source, path: &Path) -> Result<(), CliE
             "the calibration gives parameters that no joint has, so nothing was written: {error}"
         ))
     })?;
-    let text = toml::to_string(file).map_err(CliError::input)?;
+    let text = file.to_toml().map_err(CliError::input)?;
     write_text(path, &text)
 }

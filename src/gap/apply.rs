@@ -276,7 +276,7 @@ fn additive(effect: &Effect) -> &'static [&'static str] {
 
 /// Adds to the entry of the same kind where the two add up, else a new entry, in the form the list has.
 fn add_to_list(table: &mut Table, key: &str, effect: &Effect) -> Result<String, String> {
-    let text = toml::to_string(effect).map_err(|error| error.to_string())?;
+    let text = effect.to_toml().map_err(|error| error.to_string())?;
     let entry: DocumentMut = text
         .parse()
         .map_err(|error| format!("{}: {error}", effect.name()))?;

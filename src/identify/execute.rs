@@ -152,7 +152,7 @@ impl<'a> Rig<'a> {
 
     fn write_trajectory(&self, experiment: &Experiment) -> Result<PathBuf, CliError> {
         let path = self.trajectory_path(experiment);
-        let text = toml::to_string(&experiment.trajectory).map_err(CliError::input)?;
+        let text = experiment.trajectory.to_toml().map_err(CliError::input)?;
         write_text(&path, &text)?;
         Ok(path)
     }
@@ -169,7 +169,10 @@ impl<'a> Rig<'a> {
             told.is_none_or(|told| told == value)
         };
         let same_motion = match fs::read_to_string(self.trajectory_path(experiment)) {
-            Ok(text) => toml::to_string(&experiment.trajectory).is_ok_and(|wanted| wanted == text),
+            Ok(text) => experiment
+                .trajectory
+                .to_toml()
+                .is_ok_and(|wanted| wanted == text),
             Err(_) => true,
         };
         Ok(same_motion

@@ -163,7 +163,7 @@ fn experiments(
 }
 
 fn write_robot(file: &RobotFile, path: &Path) -> Result<(), CliError> {
-    let text = toml::to_string(file).map_err(CliError::input)?;
+    let text = file.to_toml().map_err(CliError::input)?;
     write_text(path, &text)
 }
 

@@ -9,7 +9,6 @@
 mod baseline;
 mod detector;
 
-use rayon::prelude::*;
 use recording::{JointCycle, Recording, Window};
 use robot::Robot;
 use serde::Serialize;
@@ -18,6 +17,7 @@ use crate::data::Checked;
 use crate::diagnose::DiagnoseError;
 use crate::evidence::Probability;
 use crate::mend;
+use crate::on_all_cores::OnAllCores;
 use crate::report::Candidate;
 use crate::stretch::StretchError;
 pub use baseline::Baseline;
@@ -155,8 +155,8 @@ impl Watch {
         };
         let events: Vec<Vec<Event>> = self
             .joints
-            .par_iter_mut()
-            .map(|joint| joint.step(&seen))
+            .iter_mut()
+            .on_all_cores(|joint| joint.step(&seen))
             .collect::<Result<_, _>>()?;
         let longest_s = self.settings.window_s.max(LOOKS_S[LOOKS_S.len() - 1]);
         self.window

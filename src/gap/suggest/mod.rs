@@ -260,7 +260,7 @@ fn trajectory_file(
         joints: moving.map(entry).collect(),
         ..TrajectoryFile::default()
     };
-    toml::to_string(&file).map_err(CliError::input)
+    file.to_toml().map_err(CliError::input)
 }
 
 /// A tenth of a microradian is less than any encoder shows.

@@ -213,7 +213,7 @@ fn equipped(parameters: EstimatorParameters, path: Option<&Path>) -> Result<Robo
     let (mut file, source) = robot::load_file(ROBOT).map_err(CliError::input)?;
     file.joints[0].estimators = Some(parameters);
     if let Some(path) = path {
-        write_text(path, &toml::to_string(&file).map_err(CliError::input)?)?;
+        write_text(path, &file.to_toml().map_err(CliError::input)?)?;
     }
     file.build(source).map_err(CliError::input)
 }
