@@ -2,7 +2,7 @@
 //! against the file before anything is fitted.
 
 use nalgebra::{Matrix2, Vector2};
-use recording::Recording;
+use recording::{Recording, STILL_RAD};
 use robot::Robot;
 
 use crate::stretch::Stretch;
@@ -72,16 +72,31 @@ pub(crate) struct MadeOf {
     pub velocity_rad_s: f64,
     /// Part of the torque beyond friction, as squares, that so much of the rigid bodies' leaves.
     pub left: f64,
+    /// The same as a root mean square.
+    pub left_nm: f64,
+    /// Part of the rows in the direction that has fewer of them.
+    pub other_way: f64,
 }
 
 impl Moving {
-    /// Of a joint with the torque that is recorded as a joint's, another or itself; none where too few rows tell of it.
+    /// Of a joint with the torque that is recorded as a joint's, another or itself; none where it stands still or too few rows tell
+    /// of it.
     pub fn of(
         robot: &Robot,
         joint: usize,
         torque_of: usize,
         stretches: &[Stretch],
     ) -> Option<Self> {
+        let positions = stretches
+            .iter()
+            .filter_map(|stretch| stretch.joints[joint].as_ref())
+            .flat_map(|of_joint| &of_joint.load.position_rad);
+        let (low, high) = positions.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), rad| {
+            (low.min(*rad), high.max(*rad))
+        });
+        if high - low < STILL_RAD {
+            return None;
+        }
         let rows: Vec<Row> = stretches
             .iter()
             .flat_map(|stretch| rows(robot, joint, torque_of, stretch))
@@ -117,11 +132,17 @@ impl Moving {
         let law = of_torque - rigid * of_rigid;
         let square = self.0.iter().map(|row| row.friction.y.powi(2)).sum::<f64>();
         let velocity_rad_s = (square / self.0.len() as f64).sqrt();
+        let rows = self.0.len() as f64;
+        let positive = self.0.iter().filter(|row| row.friction.x > 0.0);
+        let one_way = positive.count() as f64 / rows;
+        let left = 1.0 - rigid * rigid * needed / all;
         let made_of = MadeOf {
             rigid,
             friction_nm: law.x + law.y * velocity_rad_s,
             velocity_rad_s,
-            left: 1.0 - rigid * rigid * needed / all,
+            left,
+            left_nm: (left.max(0.0) * all / rows).sqrt(),
+            other_way: one_way.min(1.0 - one_way),
         };
         made_of.left.is_finite().then_some(made_of)
     }

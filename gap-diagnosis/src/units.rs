@@ -14,6 +14,10 @@ const DEGREES: f64 = 180.0 / PI;
 const BY_EFFECTS: f64 = 8.0;
 /// Friction agrees if it is off by that factor, but for this one.
 const ALIKE: f64 = 3.0;
+/// Friction that drives a joint stands out so many times from what masses and friction leave of its torque, and shows in both
+/// directions, each with this part of the rows.
+const STANDS_OUT: f64 = 2.0;
+const BOTH_WAYS: f64 = 0.2;
 /// A factor is a unit's within this part.
 const NEAR: f64 = 0.25;
 /// What tells where a joint is.
@@ -82,17 +86,24 @@ fn left(moving: &[Option<Moving>]) -> Vec<f64> {
     moving.iter().map(left).collect()
 }
 
-/// A torque that is many times what the rigid bodies and the file's friction need, or a small part of it.
+/// A torque that is many times what the rigid bodies and the file's friction need, a small part of it, or against it.
 fn torque(joint: &RobotJoint, columns: &JointColumns, moving: &Moving) -> Option<Told> {
     let made_of = moving.made_of()?;
     let rigid = made_of.rigid;
     let friction = friction(joint, &made_of);
-    let friction_off = friction.map_or(0.0, |friction| off(friction / rigid));
-    if made_of.left > OWN
-        || rigid <= 0.0
-        || off(rigid) < BY_EFFECTS.ln()
-        || friction_off > ALIKE.ln()
+    if made_of.left > OWN || rigid == 0.0 {
+        return None;
+    }
+    if let Some(friction) = friction.filter(|friction| *friction < 0.0)
+        && let Some(told) = driven(joint, columns, &made_of, friction)
     {
+        return Some(told);
+    }
+    let friction_off = friction.map_or(0.0, |friction| off(friction / rigid));
+    if rigid < 0.0 || friction_off > ALIKE.ln() {
+        return None;
+    }
+    if off(rigid) < BY_EFFECTS.ln() {
         return None;
     }
     let ratio = joint.gear_ratio.abs();
@@ -124,15 +135,12 @@ fn torque(joint: &RobotJoint, columns: &JointColumns, moving: &Moving) -> Option
     let friction = friction.map_or_else(String::new, |friction| {
         format!(", and its friction {friction:.3} times the file's")
     });
-    let signal = [Signal::MotorTorqueNm, Signal::CommandTorqueNm]
-        .into_iter()
-        .find(|signal| measured(columns, *signal).is_some())?;
     let name = &joint.name;
     let finding = Finding {
         severity: Severity::Error,
         kind,
         joint: Some(name.clone()),
-        signal: Some(signal),
+        signal: Some(torque_signal(columns)?),
         what: format!(
             "its torque is {rigid:.4} times what the robot file's masses need on this motion{friction}{it_may_be}"
         ),
@@ -147,6 +155,67 @@ fn torque(joint: &RobotJoint, columns: &JointColumns, moving: &Moving) -> Option
         finding,
         friction_off,
     })
+}
+
+/// A torque in which friction drives the joint, as strongly as the file's would brake it: so many times that. It is reversed if what
+/// the masses need is against them too, else time is. Where there is no friction, an arm that hangs where it was thought to stand would
+/// look reversed.
+fn driven(
+    joint: &RobotJoint,
+    columns: &JointColumns,
+    made_of: &MadeOf,
+    friction: f64,
+) -> Option<Told> {
+    let rigid = made_of.rigid;
+    let friction_off = off(-friction / rigid.abs());
+    let stands_out = made_of.friction_nm < -STANDS_OUT * made_of.left_nm;
+    if friction_off > ALIKE.ln() || !stands_out || made_of.other_way < BOTH_WAYS {
+        return None;
+    }
+    let name = &joint.name;
+    let (what, remedy) = if rigid < 0.0 {
+        let factor = if off(-rigid) < BY_EFFECTS.ln() {
+            -1.0
+        } else {
+            1.0 / rigid
+        };
+        (
+            format!(
+                "its torque or its position is reversed: {rigid:.4} times what the robot file's masses need on this motion, and its \
+                 friction {friction:.3} times the file's"
+            ),
+            format!(
+                "in the mapping file, [joint.{name}], multiply the scale of the torques by {factor:.4e}, or that of its positions by -1"
+            ),
+        )
+    } else {
+        (
+            format!(
+                "its rows run backwards: friction drives it, {friction:.3} times the file's, while its torque is {rigid:.4} times what \
+                 the robot file's masses need"
+            ),
+            "order the rows as they were recorded".to_owned(),
+        )
+    };
+    let finding = Finding {
+        severity: Severity::Error,
+        kind: FindingKind::ReversedSign,
+        joint: Some(name.clone()),
+        signal: Some(torque_signal(columns)?),
+        what,
+        value: Some(rigid),
+        remedy,
+    };
+    Some(Told {
+        finding,
+        friction_off,
+    })
+}
+
+/// The signal that the torque is taken from.
+fn torque_signal(columns: &JointColumns) -> Option<Signal> {
+    let mut torques = [Signal::MotorTorqueNm, Signal::CommandTorqueNm].into_iter();
+    torques.find(|signal| measured(columns, *signal).is_some())
 }
 
 /// A factor of all positions of some joints.
@@ -321,12 +390,49 @@ mod tests {
                 FindingKind::WrongScale,
                 "0.017",
             ),
+            (
+                Signal::MotorTorqueNm,
+                -1.0,
+                FindingKind::ReversedSign,
+                "reversed",
+            ),
+            (
+                Signal::MotorTorqueNm,
+                -DEGREES,
+                FindingKind::ReversedSign,
+                "reversed: -57",
+            ),
         ] {
             let found = check(&robot, &scaled(&right, 0, signal, factor));
             assert_eq!(found.len(), 1, "{signal} {factor}");
             assert_eq!((found[0].kind, found[0].signal), (kind, Some(signal)));
             assert!(found[0].what.contains(text), "{}", found[0]);
         }
+    }
+
+    #[test]
+    fn rows_in_the_wrong_order_are_told_from_a_wrong_sign() {
+        let robot = made_up::robot();
+        let mut backwards = MadeUp::KNOWN.recorded();
+        for values in backwards.joints[0].signals.values_mut() {
+            values.reverse();
+        }
+        let found = check(&robot, &backwards);
+        assert_eq!(found.len(), 1);
+        assert!(found[0].what.contains("backwards"), "{}", found[0]);
+    }
+
+    #[test]
+    fn who_stands_still_has_no_unit() {
+        let robot = robot::load("pa10").unwrap();
+        let mut still = swinging(&robot, None);
+        for joint in &mut still.joints {
+            for values in joint.signals.values_mut() {
+                let first = values[0];
+                values.fill(first);
+            }
+        }
+        assert_eq!(check(&robot, &still), []);
     }
 
     #[test]

@@ -47,7 +47,7 @@ mod table;
 mod window;
 mod writer;
 
-pub use check::{CheckJoint, CheckRobot, Finding, FindingKind, Severity, check};
+pub use check::{CheckJoint, CheckRobot, Finding, FindingKind, STILL_RAD, Severity, check};
 pub use csv_table::write_csv;
 pub use error::{MappingProblem, Place, ReadError, ReadProblem, WriteError};
 pub use info::{JointInfo, RecordingInfo, SignalInfo, Timing, describe};

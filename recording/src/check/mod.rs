@@ -11,6 +11,8 @@ mod swap;
 mod timing;
 mod torque;
 
+pub use motion::STILL_RAD;
+
 use crate::statistics::span;
 use crate::{JointColumns, Recording, Signal};
 use serde::{Deserialize, Serialize};

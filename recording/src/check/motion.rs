@@ -6,7 +6,7 @@ use crate::statistics::{quantile, span};
 use crate::{JointColumns, Recording, Signal};
 
 /// A joint that moves less is moved by its neighbours' reaction only.
-const STILL_RAD: f64 = 2e-3;
+pub const STILL_RAD: f64 = 2e-3;
 /// Of the fastest speed (of its 95 % quantile); slower counts as standing.
 const MOVING: f64 = 0.05;
 /// Fast moving over slow moving, 90 % over 20 % quantile: below this it is one speed.

@@ -15,7 +15,7 @@ pub(super) fn wrong(recording: &Recording, joint: &JointColumns, seen: &Scales) 
         .as_ref()
         .filter(|wrong| wrong.signal == Signal::MotorTorqueNm)
         .map_or(1.0, |wrong| wrong.measured.signum());
-    let sensor = reversed_sensor(joint, motor_sign);
+    let sensor = reversed_sensor(recording, joint, seen, motor_sign);
     motor.into_iter().chain(sensor).collect()
 }
 
@@ -33,56 +33,126 @@ fn against_command(joint: &JointColumns, seen: &Scales) -> Option<Wrong> {
     })
 }
 
-fn reversed_sensor(joint: &JointColumns, motor_sign: f64) -> Option<Wrong> {
+/// A torque sensor that goes against the motor's torque, and does so beside friction too: where friction is most of the motor's torque,
+/// the two may well go against each other.
+fn reversed_sensor(
+    recording: &Recording,
+    joint: &JointColumns,
+    seen: &Scales,
+    motor_sign: f64,
+) -> Option<Wrong> {
     /// Friction and the rotor's inertia lie between the two sides of the gear.
     const RELATED: f64 = 0.5;
     let motor = values(joint, Signal::MotorTorqueNm)?;
-    let factor = slope(motor, values(joint, Signal::JointTorqueNm)?, RELATED)?;
-    (factor * motor_sign < 0.0).then(|| reversed(Signal::JointTorqueNm, Signal::MotorTorqueNm))
+    let sensor = values(joint, Signal::JointTorqueNm)?;
+    let factor = slope(motor, sensor, RELATED)?;
+    if factor * motor_sign >= 0.0 {
+        return None;
+    }
+    let Some((_, stretches)) = moving(recording, joint, seen) else {
+        // without a position nothing is known of friction
+        return Some(reversed(Signal::JointTorqueNm, Signal::MotorTorqueNm));
+    };
+    let rows = stretches.iter().map(|at| {
+        let row = [
+            mean(sensor, at),
+            at.speed,
+            at.change,
+            1.0,
+            at.speed.signum(),
+        ];
+        (SVector::from(row), mean(motor, at))
+    });
+    let is_finite = |(row, motor): &(SVector<f64, 5>, f64)| {
+        motor.is_finite() && row.iter().all(|x| x.is_finite())
+    };
+    let rows: Vec<_> = rows.filter(is_finite).collect();
+    let forth = rows.iter().filter(|(row, _)| row[4] > 0.0).count();
+    let (part, error) = if forth == 0 || forth == rows.len() {
+        // in one direction friction is like a zero that is off
+        let rows = rows.iter();
+        let rows = rows.map(|(row, motor)| (row.fixed_rows::<4>(0).into_owned(), *motor));
+        first_coefficient::<4>(&rows.collect::<Vec<_>>())?
+    } else {
+        first_coefficient::<5>(&rows)?
+    };
+    (part * motor_sign < -CERTAIN * error)
+        .then(|| reversed(Signal::JointTorqueNm, Signal::MotorTorqueNm))
+}
+
+/// Standard errors. Neighbouring blocks are not independent, so far above the usual.
+const CERTAIN: f64 = 8.0;
+
+/// Rows in which a joint moves on in one direction.
+struct Stretch {
+    rows: Range<usize>,
+    /// Joint angle in the middle.
+    angle_rad: f64,
+    /// Of the signal, with the joint's sign.
+    speed: f64,
+    /// Of the speed.
+    change: f64,
+}
+
+fn mean(values: &[f64], at: &Stretch) -> f64 {
+    values[at.rows.clone()].iter().sum::<f64>() / at.rows.len() as f64
+}
+
+/// Where a joint moves on, by the signal that says so.
+fn moving(
+    recording: &Recording,
+    joint: &JointColumns,
+    seen: &Scales,
+) -> Option<(Signal, Vec<Stretch>)> {
+    let (signal, position) = super::measured_position(joint)?;
+    let sign = (seen.factor(signal) * seen.gear_ratio.unwrap_or(1.0)).signum();
+    let joint_side = match signal {
+        Signal::MotorPositionRad => seen.factor(signal) * seen.gear_ratio?,
+        _ => seen.factor(signal),
+    };
+    let velocity = |rows: &Range<usize>| {
+        let elapsed_s = recording.time_s[rows.end - 1] - recording.time_s[rows.start];
+        sign * (position[rows.end - 1] - position[rows.start]) / elapsed_s
+    };
+    let blocks = blocks(recording);
+    let neighbours = blocks
+        .windows(2)
+        .filter(|pair| pair[0].end == pair[1].start + 1);
+    let stretches = neighbours.filter_map(|pair| {
+        let (before, after) = (velocity(&pair[0]), velocity(&pair[1]));
+        (before * after > 0.0).then(|| Stretch {
+            rows: pair[0].start..pair[1].end,
+            angle_rad: position[pair[0].end - 1] / joint_side,
+            speed: 0.5 * (before + after),
+            change: after - before,
+        })
+    });
+    Some((signal, stretches.collect()))
 }
 
 /// A torque whose friction drives the joint and whose work over the whole recording is negative: its sign, or that of
 /// the position, is reversed.
 fn reversed_torque(recording: &Recording, joint: &JointColumns, seen: &Scales) -> Option<Wrong> {
-    /// Standard errors. Neighbouring blocks are not independent, so far above the usual.
-    const CERTAIN: f64 = 8.0;
     const BLOCKS_MIN: usize = 50;
     let torque_signal = [Signal::MotorTorqueNm, Signal::CommandTorqueNm]
         .into_iter()
         .find(|signal| values(joint, *signal).is_some())?;
-    let (position_signal, position) = super::measured_position(joint)?;
-    let sign = (seen.factor(position_signal) * seen.gear_ratio.unwrap_or(1.0)).signum();
-    let joint_side = match position_signal {
-        Signal::MotorPositionRad => seen.factor(position_signal) * seen.gear_ratio?,
-        _ => seen.factor(position_signal),
-    };
     let torque = values(joint, torque_signal)?;
-    let blocks = blocks(recording);
-    let velocity = |rows: &Range<usize>| {
-        let elapsed_s = recording.time_s[rows.end - 1] - recording.time_s[rows.start];
-        sign * (position[rows.end - 1] - position[rows.start]) / elapsed_s
-    };
+    let (position_signal, stretches) = moving(recording, joint, seen)?;
     let mut rows = Vec::new();
     let mut work_nm_rad = 0.0;
-    for pair in blocks
-        .windows(2)
-        .filter(|pair| pair[0].end == pair[1].start + 1)
-    {
-        let (before, after) = (velocity(&pair[0]), velocity(&pair[1]));
-        let both = pair[0].start..pair[1].end;
-        let mean_torque = torque[both.clone()].iter().sum::<f64>() / both.len() as f64;
-        let angle = position[pair[0].end - 1] / joint_side;
-        let speed = 0.5 * (before + after);
+    for at in &stretches {
+        let mean_torque = mean(torque, at);
         let row = [
-            speed.signum(),
-            speed,
-            after - before,
+            at.speed.signum(),
+            at.speed,
+            at.change,
             1.0,
-            angle.sin(),
-            angle.cos(),
+            at.angle_rad.sin(),
+            at.angle_rad.cos(),
         ];
-        if before * after > 0.0 && mean_torque.is_finite() && row.iter().all(|x| x.is_finite()) {
-            work_nm_rad += mean_torque * speed;
+        if mean_torque.is_finite() && row.iter().all(|x| x.is_finite()) {
+            work_nm_rad += mean_torque * at.speed;
             rows.push((SVector::from(row), mean_torque));
         }
     }

@@ -350,6 +350,31 @@ fn signals_that_stay_or_are_missing_are_named() {
 }
 
 #[test]
+fn a_torque_sensor_that_goes_against_friction_is_not_reversed() {
+    let mut recording = whole();
+    recording.joints.truncate(1);
+    // driven up for half of the time while the load pulls it on, then held against a load that pulls it back
+    let half = ROWS / 2;
+    let ratio = JOINTS[0].1;
+    let moved_rad = |row: usize| 0.05 * row.min(half) as f64 / RATE_HZ;
+    let load_nm = |row: usize| -2.0 + 4.0 * row as f64 / ROWS as f64;
+    let motor_nm = |row: usize| (load_nm(row) + if row < half { 8.0 } else { 0.0 }) / ratio;
+    let signals = &mut recording.joints[0].signals;
+    signals.clear();
+    let mut add = |signal, of: &dyn Fn(usize) -> f64| {
+        signals.insert(signal, (0..ROWS).map(of).collect());
+    };
+    add(Signal::MotorPositionRad, &|row| ratio * moved_rad(row));
+    add(Signal::MotorTorqueNm, &motor_nm);
+    add(Signal::JointTorqueNm, &load_nm);
+    let found = serious(check(&recording, Some(&robot())));
+    let reversed = found
+        .iter()
+        .filter(|of| of.kind == FindingKind::ReversedSign);
+    assert_eq!(reversed.count(), 0, "{found:#?}");
+}
+
+#[test]
 fn a_joint_that_stands_or_moves_in_one_way_only_is_named() {
     let still = |recording: &mut Recording, joint: usize| {
         for column in recording.joints[joint].signals.values_mut() {
