@@ -10,6 +10,7 @@ pub(crate) trait OnAllCores: Iterator<Item: Send> + Sized {
     fn on_all_cores<R: Send>(self, of: impl Fn(Self::Item) -> R + Sync) -> impl Iterator<Item = R> {
         let places: Vec<Mutex<Place<Self::Item, R>>> =
             self.map(|item| Mutex::new(Place::Asked(item))).collect();
+        // each place is locked by one worker, once; where one panics, `each` does
         each(places.len(), &|k| {
             let mut place = places[k].lock().unwrap_or_else(PoisonError::into_inner);
             if let Place::Asked(item) = std::mem::replace(&mut *place, Place::Empty) {

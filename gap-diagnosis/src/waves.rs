@@ -1,7 +1,7 @@
 //! Sines and cosines of many angles, each times one factor after the other.
 
-/// Sine and cosine of each angle times a factor that grows by the same amount from step to step: turning them on by that amount
-/// takes a tenth of the time of asking for each anew, and is off by rounding that grows by 1e-16 a step.
+/// Sine and cosine of each angle times a factor that grows by the same amount from step to step: turned on by that amount instead of
+/// asked for anew. Rounding adds up: below 1e-11 after a thousand steps.
 pub(crate) struct Waves {
     now: Vec<[f64; 2]>,
     turn: Vec<[f64; 2]>,

@@ -30,12 +30,13 @@ pub enum FilterError {
     },
 }
 
-/// One section, transposed direct form II.
+/// One section, transposed direct form II, for several signals side by side.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Section {
+struct Section<const N: usize = 1> {
     b: [f64; 3],
     a: [f64; 2],
-    memory: [f64; 2],
+    /// Of each signal.
+    memory: [[f64; N]; 2],
 }
 
 impl Section {
@@ -45,7 +46,7 @@ impl Section {
         Self {
             b: [gain, gain, 0.0],
             a: [(warped - 1.0) / (1.0 + warped), 0.0],
-            memory: [0.0; 2],
+            memory: [[0.0]; 2],
         }
     }
 
@@ -59,49 +60,22 @@ impl Section {
                 2.0 * (warped * warped - 1.0) * scale,
                 (1.0 - damping * warped + warped * warped) * scale,
             ],
-            memory: [0.0; 2],
+            memory: [[0.0]; 2],
         }
     }
 
-    #[inline]
-    fn step(&mut self, input: f64) -> f64 {
-        let output = self.b[0] * input + self.memory[0];
-        self.memory[0] = self.b[1] * input - self.a[0] * output + self.memory[1];
-        self.memory[1] = self.b[2] * input - self.a[1] * output;
-        output
-    }
-
-    /// Memory after an endless constant input; the section's gain at zero frequency is one.
-    fn settle(&mut self, value: f64) {
-        self.memory[1] = (self.b[2] - self.a[1]) * value;
-        self.memory[0] = (self.b[1] - self.a[0]) * value + self.memory[1];
-    }
-
-    /// For several signals side by side, each after an endless constant input.
-    fn settled<const N: usize>(&self, from: &[f64; N]) -> Together<N> {
-        let settled = from.map(|value| {
-            let mut section = *self;
-            section.settle(value);
-            section.memory
-        });
-        Together {
+    /// The same for several signals.
+    fn for_each<const N: usize>(&self) -> Section<N> {
+        Section {
             b: self.b,
             a: self.a,
-            memory: [0, 1].map(|place| settled.map(|memory| memory[place])),
+            memory: self.memory.map(|[memory]| [memory; N]),
         }
     }
 }
 
-/// A section for several signals side by side.
-#[derive(Clone, Copy)]
-struct Together<const N: usize> {
-    b: [f64; 3],
-    a: [f64; 2],
-    memory: [[f64; N]; 2],
-}
-
-impl<const N: usize> Together<N> {
-    /// [`Section::step`] of each signal, in place.
+impl<const N: usize> Section<N> {
+    /// Replaces each signal's input by its output.
     #[inline]
     fn step(&mut self, row: &mut [f64; N]) {
         let [newer, older] = &mut self.memory;
@@ -111,6 +85,15 @@ impl<const N: usize> Together<N> {
             *newer = self.b[1] * input - self.a[0] * output + *older;
             *older = self.b[2] * input - self.a[1] * output;
             *value = output;
+        }
+    }
+
+    /// Memory after an endless constant input of each signal; the section's gain at zero frequency is one.
+    fn settle(&mut self, values: &[f64; N]) {
+        let [newer, older] = &mut self.memory;
+        for ((value, newer), older) in values.iter().zip(newer).zip(older) {
+            *older = (self.b[2] - self.a[1]) * value;
+            *newer = (self.b[1] - self.a[0]) * value + *older;
         }
     }
 }
@@ -148,9 +131,11 @@ impl Butterworth {
 
     /// The next output.
     pub fn step(&mut self, input: f64) -> f64 {
-        self.sections
-            .iter_mut()
-            .fold(input, |value, section| section.step(value))
+        let mut value = [input];
+        for section in &mut self.sections {
+            section.step(&mut value);
+        }
+        value[0]
     }
 
     /// Replaces each input by its output, first to last, beginning where an endless constant input `from` would have put the
@@ -162,8 +147,11 @@ impl Butterworth {
         rows: impl Iterator<Item = &'a mut [f64; N]>,
     ) {
         let sections = self.sections.iter();
-        let mut all: ArrayVec<Together<N>, { ORDER_MAX.div_ceil(2) }> =
-            sections.map(|section| section.settled(from)).collect();
+        let mut all: ArrayVec<Section<N>, { ORDER_MAX.div_ceil(2) }> =
+            sections.map(Section::for_each).collect();
+        for section in &mut all {
+            section.settle(from);
+        }
         if let [first, second] = all.as_mut_slice() {
             // copies stay in registers
             let (mut one, mut other) = (*first, *second);
@@ -183,7 +171,7 @@ impl Butterworth {
     /// Puts the filter where an endless constant input would have put it: the next output for that input is the value.
     pub fn reset(&mut self, value: f64) {
         for section in &mut self.sections {
-            section.settle(value);
+            section.settle(&[value]);
         }
     }
 }
