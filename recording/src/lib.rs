@@ -51,6 +51,7 @@ pub use check::{CheckJoint, CheckRobot, Finding, FindingKind, STILL_RAD, Severit
 pub use csv_table::write_csv;
 pub use error::{MappingProblem, Place, ReadError, ReadProblem, WriteError};
 pub use info::{JointInfo, RecordingInfo, SignalInfo, Timing, describe};
+pub use mapping::mapping_beside;
 pub use mcap_file::{McapContents, read_cycles, write_mcap};
 pub use message::{CycleRow, JointCycle, JointTruth, LoopCycle};
 pub use parquet_table::write_parquet;
@@ -70,17 +71,17 @@ pub const JOINTS_MAX: usize = 256;
 pub const VALUES_MAX: usize = 1 << 29;
 
 /// Reads a recording: an MCAP file or a Parquet file, known by their first bytes, or a CSV log (`.csv`, `.tsv`,
-/// `.txt`). The columns of a log are named as [`Signal`] names them or by a mapping file beside it (`NAME.toml` for
-/// `NAME.csv` and `NAME.parquet`).
+/// `.txt`). The columns of a log are named as [`Signal`] names them or by a mapping file beside it:
+/// `NAME.mapping.toml` for `NAME.csv`, or `NAME.toml` unless that is a robot file.
 ///
 /// # Errors
 /// What keeps the file from being read, with the place in it and what to change.
 pub fn read(path: &Path) -> Result<Recording, ReadError> {
-    let read = || {
-        let beside = path.with_extension("toml");
-        match Format::of(path)? {
-            Format::Mcap => mcap_file::read_table(path),
-            log => log.read(path, &Mapping::beside(&beside)?, &beside),
+    let read = || match Format::of(path)? {
+        Format::Mcap => mcap_file::read_table(path),
+        log => {
+            let (mapping, at) = Mapping::beside(path)?;
+            log.read(path, &mapping, &at)
         }
     };
     read().map_err(|problem| ReadError {

@@ -15,7 +15,8 @@
 use crate::columns::{SEGMENT, TIME};
 use crate::error::nearest;
 use crate::{MappingProblem, ReadProblem, Signal};
-use std::path::Path;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 const RATE: &str = "sample_rate_hz";
@@ -44,11 +45,18 @@ pub(crate) struct Source {
 }
 
 impl Mapping {
-    /// Reads the mapping file, if there is one.
-    pub(crate) fn beside(path: &Path) -> Result<Self, ReadProblem> {
-        match path.try_exists() {
-            Ok(false) => Ok(Self::default()),
-            _ => Self::at(path),
+    /// The mapping of a log, and the file it was read from or, where there is none, could be written to.
+    pub(crate) fn beside(log: &Path) -> Result<(Self, PathBuf), ReadProblem> {
+        let own = mapping_beside(log);
+        if !matches!(own.try_exists(), Ok(false)) {
+            return Ok((Self::at(&own)?, own));
+        }
+        let of_the_name = log.with_extension("toml");
+        match std::fs::read_to_string(&of_the_name) {
+            // Not a mapping: people name the robot's file and its log after the robot.
+            Ok(text) if is_robot_file(&text) => Ok((Self::default(), own)),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok((Self::default(), own)),
+            _ => Ok((Self::at(&of_the_name)?, of_the_name)),
         }
     }
 
@@ -103,6 +111,29 @@ impl Mapping {
         }
         Ok(())
     }
+}
+
+/// The mapping file that belongs to a log: `NAME.mapping.toml` beside `NAME.csv`, or beside a folder `NAME`.
+#[must_use]
+pub fn mapping_beside(log: &Path) -> PathBuf {
+    let name = if log.is_dir() {
+        log.file_name()
+    } else {
+        log.file_stem()
+    };
+    let mut name = name.unwrap_or_default().to_owned();
+    name.push(".mapping.toml");
+    log.with_file_name(name)
+}
+
+/// Whether a TOML text describes a robot: by the keys that a robot file must have, which a mapping never has. Text that
+/// is no TOML is not one.
+fn is_robot_file(text: &str) -> bool {
+    const ROBOT_KEYS: [&str; 5] = ["name", "gravity_m_s2", "urdf", "mjcf", "link"];
+    text.parse::<Table>().is_ok_and(|file| {
+        ROBOT_KEYS.iter().any(|key| file.contains_key(*key))
+            || file.get(JOINT).is_some_and(Value::is_array)
+    })
 }
 
 fn joint_signals(
@@ -211,6 +242,25 @@ mod tests {
 
     fn refusal(text: &str) -> String {
         Mapping::parse(text).err().unwrap().to_string()
+    }
+
+    #[test]
+    fn a_robot_file_is_told_from_a_mapping() {
+        for robot in [
+            "name = 'pendulum'\n[[joint]]\nname = 'shoulder'",
+            "[[joint]]\nname = 'shoulder'",
+            "urdf = 'arm.urdf'",
+        ] {
+            assert!(is_robot_file(robot), "{robot}");
+        }
+        for other in [
+            "[joint.a]\nmotor_torque_nm = 'i'",
+            "sample_rate = 1",
+            "",
+            "name = ",
+        ] {
+            assert!(!is_robot_file(other), "{other}");
+        }
     }
 
     #[test]

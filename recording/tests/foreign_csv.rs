@@ -65,6 +65,25 @@ fn a_mapping_scales_and_shifts() {
 }
 
 #[test]
+fn a_robot_file_of_the_logs_name_is_no_mapping_and_a_mapping_of_its_own_name_goes_first() {
+    let log = Log::new("time_s,j.motor_torque_nm,raw\n0,1,3\n1,1,3\n")
+        .mapped("name = 'arm'\n[[joint]]\nname = 'j'\ngear_ratio = 100.0\n");
+    let torque_nm = |log: &Log| log.read().signal("j", Signal::MotorTorqueNm).unwrap()[0];
+    assert_eq!(torque_nm(&log), 1.0);
+    let own = log.0.path().join("log.mapping.toml");
+    assert_eq!(
+        recording::mapping_beside(&log.0.path().join("log.csv")),
+        own
+    );
+    std::fs::write(own, "[joint.j]\nmotor_torque_nm = 'raw'").unwrap();
+    assert_eq!(torque_nm(&log), 3.0);
+    assert_eq!(
+        torque_nm(&log.mapped("[joint.j]\nmotor_torque_nm = 'none'")),
+        3.0
+    );
+}
+
+#[test]
 fn a_mapping_adds_to_the_columns_that_have_their_names_and_wins_over_them() {
     let log = Log::new("time_s,j.motor_torque_nm,j.motor_current_a,raw\n0,1,2,3\n1,1,2,3\n")
         .mapped("[joint.j]\nmotor_current_a = 'raw'");
@@ -131,7 +150,7 @@ fn refusals_say_where_and_what_to_change() {
     );
     assert!(refusal("0,0,1\n1,0,inf\n").starts_with("line 3: j.motor_torque_nm is inf"));
     assert!(refusal("0,0,1\n").starts_with(
-        "has 1 rows, from which no sample rate can be told; give `sample_rate_hz` in log.toml"
+        "has 1 rows, from which no sample rate can be told; give `sample_rate_hz` in log.mapping.toml"
     ));
     assert!(Log::new("").refusal().starts_with("is empty"));
     assert!(
@@ -142,11 +161,11 @@ fn refusals_say_where_and_what_to_change() {
     assert!(
         Log::new("j.motor_torque_nm\n1\n")
             .refusal()
-            .starts_with("has no column `time_s`; name the time column in log.toml")
+            .starts_with("has no column `time_s`; name the time column in log.mapping.toml")
     );
     assert_eq!(
         Log::new("time_s,q\n0,1\n").refusal(),
-        "no column is named JOINT.SIGNAL, and log.toml does not say which column is which signal; \
+        "no column is named JOINT.SIGNAL, and log.mapping.toml does not say which column is which signal; \
          its columns are `time_s`, `q`"
     );
     let twice = Log::new("time_s,q,q\n0,1,2\n").mapped("[joint.j]\nmotor_torque_nm = 'q'");

@@ -8,7 +8,7 @@ use clap::{Args, Subcommand};
 #[derive(Debug, Subcommand)]
 #[command(after_help = "\
 A recording is an MCAP file of `run`, or a CSV or Parquet file with one row per control cycle. Columns are named
-JOINT.SIGNAL, or a mapping file NAME.toml beside NAME.csv says which column is which signal.
+JOINT.SIGNAL, or a mapping file, NAME.mapping.toml beside NAME.csv, says which column is which signal.
 Exit code: 0 done, 1 `info --robot` found errors or the twin stopped for safety, 2 bad input.")]
 pub enum RecordingCommand {
     /// Print what is in recordings, how good it is, and what it cannot support
@@ -30,6 +30,9 @@ pub struct RecordingInfoArguments {
     /// Robot to check them against: pa10, shd17, or a robot file
     #[arg(long, value_name = "NAME|FILE")]
     pub robot: Option<String>,
+    /// Which column is which signal; NAME.mapping.toml beside the log if not given
+    #[arg(long, value_name = "FILE")]
+    pub mapping: Option<PathBuf>,
     /// Where to write the same as JSON; - for standard output
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
@@ -40,7 +43,7 @@ pub struct RecordingInfoArguments {
 pub struct RecordingImportArguments {
     /// CSV or Parquet log
     pub file: PathBuf,
-    /// Which column is which signal; NAME.toml beside the log if not given
+    /// Which column is which signal; NAME.mapping.toml beside the log if not given
     #[arg(long, value_name = "FILE")]
     pub mapping: Option<PathBuf>,
     /// Recording to write
@@ -53,6 +56,9 @@ pub struct RecordingImportArguments {
 pub struct RecordingExportArguments {
     /// Recording
     pub file: PathBuf,
+    /// Which column is which signal; NAME.mapping.toml beside the log if not given
+    #[arg(long, value_name = "FILE")]
+    pub mapping: Option<PathBuf>,
     /// File to write: .csv, .parquet or .mcap
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
@@ -72,6 +78,9 @@ pub struct RecordingExportArguments {
 pub struct RecordingSimulateArguments {
     /// Recording whose reference is followed
     pub file: PathBuf,
+    /// Which column is which signal; NAME.mapping.toml beside the log if not given
+    #[arg(long, value_name = "FILE")]
+    pub mapping: Option<PathBuf>,
     /// Robot: pa10, shd17, or a robot file
     #[arg(long, value_name = "NAME|FILE")]
     pub robot: String,
