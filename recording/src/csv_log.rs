@@ -1,17 +1,20 @@
 //! CSV logs, with the columns' names or a mapping file saying what they hold.
 
 use crate::builder::TableBuilder;
+use crate::clock::{Instant, UnitsPerSecond};
 use crate::columns::{Cells, Plan, whole};
+use crate::csv_text::Uncommented;
 use crate::error::Place;
 use crate::mapping::Mapping;
 use crate::{ReadProblem, Recording};
 use csv::ByteRecord;
+use std::borrow::Cow;
+use std::cell::Cell;
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{BufReader, Read};
 use std::path::Path;
 
-/// What may stand between two fields; the first line shows which does.
-const DELIMITERS: [u8; 3] = [b',', b';', b'\t'];
+type Lines = csv::Reader<Uncommented<BufReader<File>>>;
 
 /// The table of a CSV log.
 pub(crate) fn read_table(
@@ -19,45 +22,40 @@ pub(crate) fn read_table(
     mapping: &Mapping,
     mapping_path: &Path,
 ) -> Result<Recording, ReadProblem> {
-    let mut lines = open(path)?;
-    let header = read_header(&mut lines)?;
+    let (mut lines, header) = open(path)?;
     let plan = Plan::new(header.clone(), mapping, mapping_path)?;
     let mut table = TableBuilder::default();
-    plan.name_joints(&mut table);
+    plan.prepare(&mut table);
     let mut record = ByteRecord::new();
+    let decimal_mark = Cell::new(None);
     while lines.read_byte_record(&mut record).map_err(line_problem)? {
         plan.add_row(
             &mut table,
             &Line {
                 header: &header,
                 record: &record,
+                decimal_mark: &decimal_mark,
             },
         )?;
     }
     table.finish(mapping.sample_rate_hz, || mapping_path.to_owned())
 }
 
-fn open(path: &Path) -> std::io::Result<csv::Reader<BufReader<File>>> {
-    let mut file = BufReader::new(File::open(path)?);
-    let start = file.fill_buf()?;
-    let first_line = start
-        .split(|byte| *byte == b'\n')
-        .next()
-        .unwrap_or_default();
-    let count = |delimiter: &u8| first_line.iter().filter(|byte| *byte == delimiter).count();
-    // `max_by_key` takes the last of equals, so a line without any delimiter counts as comma-separated.
-    let delimiter = DELIMITERS
-        .into_iter()
-        .rev()
-        .max_by_key(count)
-        .unwrap_or(b',');
-    Ok(csv::ReaderBuilder::new()
-        .delimiter(delimiter)
-        .trim(csv::Trim::All)
-        .from_reader(file))
+/// The lines after the one that names the columns, and the names.
+fn open(path: &Path) -> Result<(Lines, Vec<String>), ReadProblem> {
+    let (text, start) = Uncommented::open(BufReader::new(File::open(path)?))?;
+    let mut reader = csv::ReaderBuilder::new();
+    reader.delimiter(start.delimiter).trim(csv::Trim::All);
+    if let Some(names) = start.commented_header {
+        let header = read_header(&mut reader.from_reader(&names[..]))?;
+        return Ok((reader.has_headers(false).from_reader(text), header));
+    }
+    let mut lines = reader.from_reader(text);
+    let header = read_header(&mut lines)?;
+    Ok((lines, header))
 }
 
-fn read_header(lines: &mut csv::Reader<BufReader<File>>) -> Result<Vec<String>, ReadProblem> {
+fn read_header<R: Read>(lines: &mut csv::Reader<R>) -> Result<Vec<String>, ReadProblem> {
     let header = lines.byte_headers().map_err(line_problem)?;
     // A header in another encoding than UTF-8 is legible but for its special letters.
     let names: Vec<String> = header
@@ -94,6 +92,8 @@ fn line_problem(error: csv::Error) -> ReadProblem {
 struct Line<'a> {
     header: &'a [String],
     record: &'a ByteRecord,
+    /// Of the file: the first number with one shows which.
+    decimal_mark: &'a Cell<Option<char>>,
 }
 
 impl Cells for Line<'_> {
@@ -102,25 +102,30 @@ impl Cells for Line<'_> {
     }
 
     fn number(&self, field: usize) -> Result<f64, ReadProblem> {
-        let cell = &self.record[field];
+        let cell = self.cell(field);
         if cell.is_empty() {
             return Ok(f64::NAN);
         }
-        let value: Option<f64> = std::str::from_utf8(cell)
-            .ok()
-            .and_then(|cell| cell.parse().ok());
-        value.ok_or_else(|| {
-            let (place, (column, cell)) = (self.place(), self.describe(field));
-            ReadProblem::NotANumber {
-                place,
-                column,
-                cell,
-            }
-        })
+        let value = self.with_point(&cell).and_then(|cell| cell.parse().ok());
+        value.ok_or_else(|| self.not_a_number(field))
+    }
+
+    fn instant(&self, field: usize, unit: UnitsPerSecond) -> Result<Option<Instant>, ReadProblem> {
+        let cell = self.cell(field);
+        if cell.is_empty() {
+            return Ok(None);
+        }
+        if let Some(date) = Instant::from_date(&cell) {
+            return Ok(Some(date));
+        }
+        match self.with_point(&cell) {
+            Some(number) => Ok(Instant::from_decimal(&number, unit)),
+            None => Err(self.not_a_number(field)),
+        }
     }
 
     fn integer(&self, field: usize) -> Result<Option<i64>, ReadProblem> {
-        let cell = String::from_utf8_lossy(&self.record[field]);
+        let cell = self.cell(field);
         if cell.is_empty() {
             return Ok(None);
         }
@@ -138,10 +143,41 @@ impl Cells for Line<'_> {
     }
 }
 
-impl Line<'_> {
+impl<'a> Line<'a> {
+    fn cell(&self, field: usize) -> Cow<'a, str> {
+        String::from_utf8_lossy(&self.record[field])
+    }
+
+    /// A number with a decimal point, if it is one with the mark that the file's numbers have.
+    fn with_point<'c>(&self, cell: &'c str) -> Option<Cow<'c, str>> {
+        let Some(mark) = cell.chars().find(|c| matches!(c, '.' | ',')) else {
+            return Some(Cow::Borrowed(cell));
+        };
+        if *self.decimal_mark.get().get_or_insert(mark) != mark {
+            return None;
+        }
+        let number = match mark {
+            ',' => Cow::Owned(cell.replacen(',', ".", 1)),
+            _ => Cow::Borrowed(cell),
+        };
+        if number.parse::<f64>().is_ok() {
+            self.decimal_mark.set(Some(mark));
+        }
+        Some(number)
+    }
+
+    fn not_a_number(&self, field: usize) -> ReadProblem {
+        let (column, cell) = self.describe(field);
+        ReadProblem::NotANumber {
+            place: self.place(),
+            column,
+            cell,
+        }
+    }
+
     fn describe(&self, field: usize) -> (String, String) {
         const SHOWN: usize = 40;
-        let cell = String::from_utf8_lossy(&self.record[field]);
+        let cell = self.cell(field);
         (
             self.header[field].clone(),
             cell.chars().take(SHOWN).collect(),

@@ -184,7 +184,7 @@ pub enum ReadProblem {
     },
     /// A cell that is no number.
     #[error(
-        "{place}, column `{}`: `{}` is not a number (a decimal point is expected, no unit)",
+        "{place}, column `{}`: `{}` is not a number (no unit and nothing between thousands is expected, and one decimal mark, point or comma, in the whole file)",
         one_line(column),
         one_line(cell)
     )]

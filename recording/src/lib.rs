@@ -30,9 +30,11 @@
 
 mod builder;
 mod check;
+mod clock;
 mod columns;
 mod csv_log;
 mod csv_table;
+mod csv_text;
 mod error;
 mod guard;
 mod info;

@@ -3,6 +3,7 @@
 //! Lengths and counts in the file are not believed before a table of that size was found fit to be held in memory.
 
 use crate::builder::TableBuilder;
+use crate::clock::{Instant, UnitsPerSecond};
 use crate::columns::{Cells, Plan, whole};
 use crate::error::Place;
 use crate::guard::without_panic;
@@ -51,7 +52,7 @@ fn decode_table(
     let about_the_run = about_the_run(metadata);
     let mut table = TableBuilder::default();
     expect_joints(&mut table, &about_the_run)?;
-    plan.name_joints(&mut table);
+    plan.prepare(&mut table);
     for group in 0..file.num_row_groups() {
         add_row_group(&plan, &mut table, &*file.get_row_group(group)?)?;
     }
@@ -59,7 +60,7 @@ fn decode_table(
         .sample_rate_hz
         .or_else(|| told_rate_hz(&about_the_run));
     let mut recording = table.finish(rate_hz, || mapping_path.to_owned())?;
-    recording.metadata = about_the_run;
+    recording.metadata.extend(about_the_run);
     Ok(recording)
 }
 
@@ -157,6 +158,7 @@ struct Column {
 enum Values {
     Numbers(Vec<f64>),
     Integers(Vec<Option<i64>>),
+    Instants(Vec<Option<i64>>, UnitsPerSecond),
 }
 
 impl Column {
@@ -181,13 +183,9 @@ impl Column {
                 let number = |value: &f32| f64::from(*value);
                 Values::Numbers(decode(reader, descriptor, rows, &f64::NAN, number)?)
             }
-            (ColumnReader::Int64ColumnReader(reader), Meaning::Instant { units_per_s }) => {
-                // Whole seconds apart: nanoseconds since 1970 are more than a number can hold exactly.
-                let seconds = |value: &i64| {
-                    let part = value.rem_euclid(units_per_s) as f64 / units_per_s as f64;
-                    value.div_euclid(units_per_s) as f64 + part
-                };
-                Values::Numbers(decode(reader, descriptor, rows, &f64::NAN, seconds)?)
+            (ColumnReader::Int64ColumnReader(reader), Meaning::Instant(unit)) => {
+                let ticks = |value: &i64| Some(*value);
+                Values::Instants(decode(reader, descriptor, rows, &None, ticks)?, unit)
             }
             (ColumnReader::Int64ColumnReader(reader), Meaning::Number) => {
                 let integer = |value: &i64| Some(*value);
@@ -213,20 +211,18 @@ impl Column {
 /// What the numbers of a column stand for.
 enum Meaning {
     Number,
-    Instant { units_per_s: i64 },
+    Instant(UnitsPerSecond),
     Other,
 }
 
 impl Meaning {
     fn of(descriptor: &ColumnDescriptor) -> Self {
         match descriptor.logical_type_ref() {
-            Some(LogicalType::Timestamp(stamp)) => Self::Instant {
-                units_per_s: match stamp.unit {
-                    TimeUnit::MILLIS => 1_000,
-                    TimeUnit::MICROS => 1_000_000,
-                    TimeUnit::NANOS => 1_000_000_000,
-                },
-            },
+            Some(LogicalType::Timestamp(stamp)) => Self::Instant(match stamp.unit {
+                TimeUnit::MILLIS => UnitsPerSecond::MILLISECONDS,
+                TimeUnit::MICROS => UnitsPerSecond::MICROSECONDS,
+                TimeUnit::NANOS => UnitsPerSecond::NANOSECONDS,
+            }),
             Some(LogicalType::Integer(_)) => Self::Number,
             Some(_) => Self::Other,
             None => Self::of_old(descriptor.converted_type()),
@@ -236,10 +232,8 @@ impl Meaning {
     /// What files from before the logical types say.
     fn of_old(converted: ConvertedType) -> Self {
         match converted {
-            ConvertedType::TIMESTAMP_MILLIS => Self::Instant { units_per_s: 1_000 },
-            ConvertedType::TIMESTAMP_MICROS => Self::Instant {
-                units_per_s: 1_000_000,
-            },
+            ConvertedType::TIMESTAMP_MILLIS => Self::Instant(UnitsPerSecond::MILLISECONDS),
+            ConvertedType::TIMESTAMP_MICROS => Self::Instant(UnitsPerSecond::MICROSECONDS),
             ConvertedType::DECIMAL
             | ConvertedType::DATE
             | ConvertedType::TIME_MILLIS
@@ -331,7 +325,26 @@ impl Cells for Row<'_> {
                 Some(Values::Integers(integers)) => {
                     integers[self.row].map_or(f64::NAN, |value| value as f64)
                 }
+                Some(Values::Instants(ticks, unit)) => ticks[self.row].map_or(f64::NAN, |ticks| {
+                    Instant::from_integer(ticks, *unit).seconds()
+                }),
                 None => f64::NAN,
+            },
+        )
+    }
+
+    fn instant(&self, field: usize, unit: UnitsPerSecond) -> Result<Option<Instant>, ReadProblem> {
+        Ok(
+            match self.columns[field].as_ref().map(|column| &column.values) {
+                // A column that says its unit itself needs no other.
+                Some(Values::Instants(ticks, own)) => {
+                    ticks[self.row].map(|ticks| Instant::from_integer(ticks, *own))
+                }
+                Some(Values::Integers(integers)) => {
+                    integers[self.row].map(|value| Instant::from_integer(value, unit))
+                }
+                Some(Values::Numbers(numbers)) => Instant::from_number(numbers[self.row], unit),
+                None => None,
             },
         )
     }
@@ -341,7 +354,7 @@ impl Cells for Row<'_> {
             return Ok(None);
         };
         match &column.values {
-            Values::Integers(integers) => Ok(integers[self.row]),
+            Values::Integers(integers) | Values::Instants(integers, _) => Ok(integers[self.row]),
             Values::Numbers(numbers) if numbers[self.row].is_nan() => Ok(None),
             Values::Numbers(numbers) => {
                 let value = numbers[self.row];

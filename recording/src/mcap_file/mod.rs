@@ -4,6 +4,7 @@ mod records;
 mod rows;
 
 use crate::builder::TableBuilder;
+use crate::clock::{Instant, UnitsPerSecond};
 use crate::error::Place;
 use crate::writer::{METADATA, METADATA_JOINTS, told_rate_hz};
 use crate::{
@@ -104,7 +105,8 @@ pub(crate) fn read_table(path: &Path) -> Result<Recording, ReadProblem> {
         table.joint(name);
     }
     let mut recording = table.finish(contents.sample_rate_hz, || path.to_owned())?;
-    recording.metadata = contents.metadata;
+    // What the recorder wrote goes before what is found here.
+    recording.metadata.extend(contents.metadata);
     recording.truncated = contents.truncated;
     Ok(recording)
 }
@@ -116,7 +118,12 @@ fn add_row(
 ) -> Result<(), ReadProblem> {
     let place = Place::Cycle(row.cycle);
     let segment = row.joints.iter().find_map(|joint| joint.segment);
-    table.begin_row(place, row.time_ns as f64 / 1e9, segment)?;
+    let time_ns = i64::try_from(row.time_ns).unwrap_or(i64::MAX);
+    table.begin_row(
+        place,
+        Instant::from_integer(time_ns, UnitsPerSecond::NANOSECONDS),
+        segment,
+    )?;
     for (name, joint) in joint_names.iter().zip(row.joints) {
         let column = table.joint(name);
         for signal in Signal::ALL {
