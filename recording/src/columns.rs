@@ -11,6 +11,8 @@ use std::path::Path;
 pub(crate) const TIME: &str = "time_s";
 /// The column of the trajectory's number.
 pub(crate) const SEGMENT: &str = "segment";
+/// The same in datasets that robots learn from.
+const EPISODE: &str = "episode_index";
 
 /// One row's fields.
 pub(crate) trait Cells {
@@ -27,6 +29,13 @@ pub(crate) trait Cells {
 /// The integer that a floating-point number is, if it is one.
 pub(crate) fn whole(value: f64) -> Option<i64> {
     (value.fract() == 0.0 && value.abs() < 1e15).then_some(value as i64)
+}
+
+/// A column whose signal the file's format tells.
+pub(crate) struct Known {
+    pub(crate) column: usize,
+    pub(crate) joint: String,
+    pub(crate) signal: Signal,
 }
 
 /// Which field of a row becomes what.
@@ -57,6 +66,7 @@ impl Plan {
     /// For a file with these columns and the mapping at that path.
     pub(crate) fn new(
         columns: Vec<String>,
+        known: &[Known],
         mapping: &Mapping,
         mapping_path: &Path,
     ) -> Result<Self, ReadProblem> {
@@ -75,6 +85,10 @@ impl Plan {
         };
         let segment = header
             .mapped_or_named(mapping.segment.as_ref(), SEGMENT)?
+            .map_or_else(
+                || header.mapped_or_named(None, EPISODE),
+                |column| Ok(Some(column)),
+            )?
             .map(|column| column.field);
         let mut joints = Vec::new();
         for (name, signals) in &mapping.joints {
@@ -90,6 +104,15 @@ impl Plan {
                     signal,
                     Scaled::as_it_is(header.index(column)?),
                 );
+            }
+        }
+        // A column that the mapping has a use for is not used twice.
+        let mapped = mapping.joints.iter().flat_map(|(_, signals)| signals);
+        let used: Vec<&str> = mapped.map(|(_, source)| source.column.as_str()).collect();
+        for known in known {
+            if !used.contains(&columns[known.column].as_str()) {
+                let column = Scaled::as_it_is(known.column);
+                add_column(&mut joints, &known.joint, known.signal, column);
             }
         }
         if joints.is_empty() {
@@ -112,6 +135,11 @@ impl Plan {
         for (name, _) in &self.joints {
             table.joint(name);
         }
+    }
+
+    /// How many joints.
+    pub(crate) fn joints(&self) -> usize {
+        self.joints.len()
     }
 
     /// The fields that are read at all.

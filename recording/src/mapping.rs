@@ -10,7 +10,9 @@
 //! motor_torque_nm = "axis1_motor_torque_nm"
 //! ```
 //!
-//! Columns that bear the names of a recording's own need no entry.
+//! Columns that bear the names of a recording's own need no entry. Of arrays with a column for each joint (`q`, `dq`, `tau`,
+//! `q_des`, `observation.state`, …) a line with the joints' names is enough: `joints = ["axis1", "axis2"]`; a column of one
+//! is `q[0]`.
 
 use crate::columns::{SEGMENT, TIME};
 use crate::error::nearest;
@@ -22,6 +24,7 @@ use toml::{Table, Value};
 const RATE: &str = "sample_rate_hz";
 const COLUMNS: &str = "columns";
 const JOINT: &str = "joint";
+const JOINTS: &str = "joints";
 const COLUMN: &str = "column";
 const SCALE: &str = "scale";
 const OFFSET: &str = "offset";
@@ -32,7 +35,41 @@ pub(crate) struct Mapping {
     pub(crate) sample_rate_hz: Option<f64>,
     pub(crate) time: Option<Source>,
     pub(crate) segment: Option<Source>,
+    /// Of the columns of arrays, in their order.
+    pub(crate) joint_names: Vec<String>,
     pub(crate) joints: Vec<(String, Vec<(Signal, Source)>)>,
+}
+
+/// Where a log's mapping is looked for.
+pub(crate) struct MappingFile<'a> {
+    pub(crate) log: &'a Path,
+    /// Instead of the one beside the log.
+    pub(crate) given: Option<&'a Path>,
+}
+
+impl MappingFile<'_> {
+    /// Whether the user named it.
+    pub(crate) fn is_given(&self) -> bool {
+        self.given.is_some()
+    }
+
+    /// The mapping, and the file it was read from or, where there is none, could be written to.
+    pub(crate) fn load(&self) -> Result<(Mapping, PathBuf), ReadProblem> {
+        if let Some(given) = self.given {
+            return Ok((Mapping::at(given)?, given.to_owned()));
+        }
+        let own = mapping_beside(self.log);
+        if !matches!(own.try_exists(), Ok(false)) {
+            return Ok((Mapping::at(&own)?, own));
+        }
+        let of_the_name = self.log.with_extension("toml");
+        match std::fs::read_to_string(&of_the_name) {
+            // Not a mapping: people name the robot's file and its log after the robot.
+            Ok(text) if is_robot_file(&text) => Ok((Mapping::default(), own)),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok((Mapping::default(), own)),
+            _ => Ok((Mapping::at(&of_the_name)?, of_the_name)),
+        }
+    }
 }
 
 /// Where a value comes from: `value = scale·x + offset`.
@@ -45,21 +82,6 @@ pub(crate) struct Source {
 }
 
 impl Mapping {
-    /// The mapping of a log, and the file it was read from or, where there is none, could be written to.
-    pub(crate) fn beside(log: &Path) -> Result<(Self, PathBuf), ReadProblem> {
-        let own = mapping_beside(log);
-        if !matches!(own.try_exists(), Ok(false)) {
-            return Ok((Self::at(&own)?, own));
-        }
-        let of_the_name = log.with_extension("toml");
-        match std::fs::read_to_string(&of_the_name) {
-            // Not a mapping: people name the robot's file and its log after the robot.
-            Ok(text) if is_robot_file(&text) => Ok((Self::default(), own)),
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok((Self::default(), own)),
-            _ => Ok((Self::at(&of_the_name)?, of_the_name)),
-        }
-    }
-
     /// Reads the mapping file.
     pub(crate) fn at(path: &Path) -> Result<Self, ReadProblem> {
         let text = std::fs::read_to_string(path).map_err(MappingProblem::Io);
@@ -87,7 +109,8 @@ impl Mapping {
                             .push((joint.clone(), joint_signals(&key, table(&key, signals)?)?));
                     }
                 }
-                _ => return Err(unknown(String::new(), key, [RATE, COLUMNS, JOINT])),
+                JOINTS => mapping.joint_names = names(key, value)?,
+                _ => return Err(unknown(String::new(), key, [RATE, COLUMNS, JOINT, JOINTS])),
             }
         }
         Ok(mapping)
@@ -184,6 +207,17 @@ fn source(key: String, value: &Value) -> Result<Source, MappingProblem> {
         column,
         scale,
         offset,
+    })
+}
+
+fn names(key: &str, value: &Value) -> Result<Vec<String>, MappingProblem> {
+    let names = value.as_array().map(|names| {
+        let names = names.iter().map(|name| name.as_str().map(str::to_owned));
+        names.collect::<Option<Vec<String>>>()
+    });
+    names.flatten().ok_or_else(|| MappingProblem::WrongValue {
+        key: key.to_owned(),
+        expected: "a list of names in quotes",
     })
 }
 

@@ -7,13 +7,14 @@ use clap::{Args, Subcommand};
 /// `flexspline recording`
 #[derive(Debug, Subcommand)]
 #[command(after_help = "\
-A recording is an MCAP file of `run`, or a CSV or Parquet file with one row per control cycle. Columns are named
-JOINT.SIGNAL, or a mapping file, NAME.mapping.toml beside NAME.csv, says which column is which signal.
+A recording is an MCAP file of `run`, a bag of ROS, a LeRobot dataset, or a CSV, Parquet or .npz file with one row per
+control cycle. Columns are named JOINT.SIGNAL, or a mapping file, NAME.mapping.toml beside NAME.csv, says which column is
+which signal.
 Exit code: 0 done, 1 `info --robot` found errors or the twin stopped for safety, 2 bad input.")]
 pub enum RecordingCommand {
     /// Print what is in recordings, how good it is, and what it cannot support
     Info(RecordingInfoArguments),
-    /// Turn a CSV or Parquet log into an MCAP recording
+    /// Turn a log into an MCAP recording
     Import(RecordingImportArguments),
     /// Write a recording, or a part of it, as CSV, Parquet or MCAP
     Export(RecordingExportArguments),
@@ -41,7 +42,7 @@ pub struct RecordingInfoArguments {
 /// `flexspline recording import`
 #[derive(Debug, Args)]
 pub struct RecordingImportArguments {
-    /// CSV or Parquet log
+    /// Log: CSV, Parquet, .npz, rosbag2, LeRobot dataset
     pub file: PathBuf,
     /// Which column is which signal; NAME.mapping.toml beside the log if not given
     #[arg(long, value_name = "FILE")]

@@ -1,7 +1,10 @@
 //! MCAP recordings read back, whole or as far as a killed recorder came, and tables written as MCAP.
 
+mod bag;
 mod records;
 mod rows;
+
+pub(crate) use bag::{is_bag, read_bag};
 
 use crate::builder::TableBuilder;
 use crate::clock::{Instant, UnitsPerSecond};

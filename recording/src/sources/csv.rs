@@ -1,11 +1,13 @@
 //! CSV logs, with the columns' names or a mapping file saying what they hold.
 
+use super::csv_text::Uncommented;
+use super::{Log, Source};
 use crate::builder::TableBuilder;
 use crate::clock::{Instant, UnitsPerSecond};
 use crate::columns::{Cells, Plan, whole};
-use crate::csv_text::Uncommented;
 use crate::error::Place;
-use crate::mapping::Mapping;
+use crate::frame::{Column, Frame, Values};
+use crate::mapping::{Mapping, MappingFile};
 use crate::{ReadProblem, Recording};
 use csv::ByteRecord;
 use std::borrow::Cow;
@@ -14,16 +16,63 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
+pub(crate) struct Csv;
+
+impl Source for Csv {
+    fn matches(&self, log: &Log<'_>) -> bool {
+        matches!(log.extension.as_str(), "csv" | "tsv" | "txt")
+    }
+
+    fn frame(&self, path: &Path, _: &Mapping) -> Result<Frame, ReadProblem> {
+        read_frame(path)
+    }
+
+    fn read(&self, path: &Path, mapping: &MappingFile<'_>) -> Result<Recording, ReadProblem> {
+        let (mapping, mapping_path) = mapping.load()?;
+        read_table(path, &mapping, &mapping_path)
+    }
+}
+
+/// All columns; text is not there.
+fn read_frame(path: &Path) -> Result<Frame, ReadProblem> {
+    let (mut lines, header) = open(path)?;
+    let mut columns: Vec<Vec<f64>> = vec![Vec::new(); header.len()];
+    let mut record = ByteRecord::new();
+    let decimal_mark = Cell::new(None);
+    while lines.read_byte_record(&mut record).map_err(line_problem)? {
+        let line = Line {
+            header: &header,
+            record: &record,
+            decimal_mark: &decimal_mark,
+        };
+        for (field, column) in columns.iter_mut().enumerate() {
+            let time = || Some(Instant::from_date(&line.cell(field))?.seconds());
+            column.push(line.number(field).ok().or_else(time).unwrap_or(f64::NAN));
+        }
+    }
+    let columns = header
+        .into_iter()
+        .zip(columns)
+        .map(|(name, values)| Column {
+            name,
+            values: Values::Numbers(values),
+        });
+    Ok(Frame {
+        columns: columns.collect(),
+        ..Frame::default()
+    })
+}
+
 type Lines = csv::Reader<Uncommented<BufReader<File>>>;
 
 /// The table of a CSV log.
-pub(crate) fn read_table(
+fn read_table(
     path: &Path,
     mapping: &Mapping,
     mapping_path: &Path,
 ) -> Result<Recording, ReadProblem> {
     let (mut lines, header) = open(path)?;
-    let plan = Plan::new(header.clone(), mapping, mapping_path)?;
+    let plan = Plan::new(header.clone(), &[], mapping, mapping_path)?;
     let mut table = TableBuilder::default();
     plan.prepare(&mut table);
     let mut record = ByteRecord::new();
