@@ -235,7 +235,7 @@ fn add_column(
     }
 }
 
-fn joint_and_signal(column: &str) -> Option<(&str, Signal)> {
+pub(crate) fn joint_and_signal(column: &str) -> Option<(&str, Signal)> {
     let (joint, signal) = column.rsplit_once('.')?;
     Some((joint, Signal::from_name(signal)?)).filter(|_| !joint.is_empty())
 }

@@ -1,7 +1,7 @@
 //! Columns in memory, under the names that their file has for them.
 
 use crate::builder::TableBuilder;
-use crate::clock::{Instant, UnitsPerSecond};
+use crate::clock::{Clock, Instant, UnitsPerSecond};
 use crate::columns::{Cells, Known, Plan, whole};
 use crate::error::Place;
 use crate::mapping::Mapping;
@@ -54,6 +54,27 @@ impl Values {
             Self::Integers(values) | Self::Instants(values, _) => values.len(),
         }
     }
+}
+
+/// A column of times in seconds, as a table would have them; `None` if one is missing.
+pub(crate) fn times_s(values: &Values, unit: Option<UnitsPerSecond>) -> Option<Vec<f64>> {
+    let assumed = unit.unwrap_or(UnitsPerSecond::SECONDS);
+    let instants: Option<Vec<Instant>> = match values {
+        Values::Numbers(values) => values
+            .iter()
+            .map(|value| Instant::from_number(*value, assumed))
+            .collect(),
+        Values::Integers(values) => values
+            .iter()
+            .map(|value| value.map(|value| Instant::from_integer(value, assumed)))
+            .collect(),
+        Values::Instants(values, own) => values
+            .iter()
+            .map(|value| value.map(|value| Instant::from_integer(value, *own)))
+            .collect(),
+    };
+    let is_told = unit.is_some() || matches!(values, Values::Instants(..));
+    Some(Clock::new(instants?, is_told).time_s)
 }
 
 /// A table with a column for each joint, whose names it does not have.
@@ -149,6 +170,16 @@ impl Frame {
             }),
             None => Ok(()),
         }
+    }
+
+    /// The joint and the signal of an array's column, where the format tells the joints' names.
+    pub(crate) fn named_by_format(&self, column: usize) -> Option<(&str, Signal)> {
+        let array = self
+            .arrays
+            .iter()
+            .find(|array| array.columns.contains(&column))?;
+        let name = self.joint_names.get(column - array.columns.start)?;
+        Some((name, array.signal))
     }
 
     /// Gives the columns of arrays to the joints, where these have names.

@@ -16,6 +16,8 @@ pub enum RecordingCommand {
     Info(RecordingInfoArguments),
     /// Turn a log into an MCAP recording
     Import(RecordingImportArguments),
+    /// Guess what the columns of a log hold, show why, and write its mapping file
+    Map(RecordingMapArguments),
     /// Write a recording, or a part of it, as CSV, Parquet or MCAP
     Export(RecordingExportArguments),
     /// Write the recording that the robot file's nominal model makes of the same reference
@@ -50,6 +52,21 @@ pub struct RecordingImportArguments {
     /// Recording to write
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
+}
+
+/// `flexspline recording map`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Exit code: 0 the mapping file was written, 1 something is doubtful and --yes was not given, 2 bad input.")]
+pub struct RecordingMapArguments {
+    /// Log
+    pub file: PathBuf,
+    /// Robot that it is of: pa10, shd17, or a robot file
+    #[arg(long, value_name = "NAME|FILE")]
+    pub robot: String,
+    /// Write the best guess, however doubtful
+    #[arg(long)]
+    pub yes: bool,
 }
 
 /// `flexspline recording export`

@@ -2,6 +2,7 @@
 
 mod convert;
 mod info;
+mod map;
 mod simulate;
 
 use std::path::Path;
@@ -20,6 +21,7 @@ pub fn recording(command: &RecordingCommand) -> Result<(), CliError> {
         RecordingCommand::Info(arguments) => info::info(arguments),
         RecordingCommand::Import(arguments) => convert::import(arguments),
         RecordingCommand::Export(arguments) => convert::export(arguments),
+        RecordingCommand::Map(arguments) => map::map(arguments),
         RecordingCommand::Simulate(arguments) => simulate::simulate(arguments),
     }
 }

@@ -1,0 +1,427 @@
+//! Guesses what the columns of a foreign log hold: by their names, by the robot's joints, and by physics.
+//!
+//! A velocity is what its position's difference says, in whatever unit and on whatever side of the gear; a joint that goes
+//! round several times is more likely one in degrees.
+
+use crate::clock::time_column;
+use crate::columns::{Known, TIME, joint_and_signal};
+use crate::frame::{Column, Frame, Values};
+use crate::mapping::Mapping;
+use crate::names::{Meaning, Quantity, meaning};
+use crate::{ReadError, Signal, sources};
+use std::f64::consts::PI;
+use std::fmt::{self, Write};
+use std::path::Path;
+
+/// A joint of the robot that a log is of.
+#[derive(Clone, Debug)]
+pub struct GuessJoint {
+    /// As the robot file names it.
+    pub name: String,
+    /// Motor angle over link angle; negative if the gear reverses.
+    pub gear_ratio: f64,
+}
+
+/// How sure a guess is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Sure {
+    /// Told by nothing but custom: look at it.
+    Doubtful,
+    /// By the name or by the numbers.
+    Likely,
+    /// The name or the format says it.
+    Certain,
+}
+
+/// What a column was taken for.
+#[derive(Clone, Debug)]
+pub struct GuessedColumn {
+    /// Its name in the log.
+    pub column: String,
+    /// The robot's joint.
+    pub joint: String,
+    /// What it holds of that.
+    pub signal: Signal,
+    /// Signal over column.
+    pub scale: f64,
+    /// How sure that is.
+    pub sure: Sure,
+    /// What decided it.
+    pub why: String,
+}
+
+/// What a log's columns were taken for.
+#[derive(Clone, Debug, Default)]
+pub struct Guess {
+    /// In the order of the robot's joints.
+    pub columns: Vec<GuessedColumn>,
+    /// Columns that were left out, and why.
+    pub left_out: Vec<(String, String)>,
+}
+
+/// Guesses what the columns of a log hold.
+///
+/// # Errors
+/// If the log cannot be read, or is a recording of ours, of which there is nothing to guess.
+pub fn guess(path: &Path, joints: &[GuessJoint]) -> Result<Guess, ReadError> {
+    let frame = sources::source(path).and_then(|source| source.frame(path, &Mapping::default()));
+    let frame = frame.map_err(|problem| ReadError {
+        path: path.to_owned(),
+        problem,
+    })?;
+    Ok(Guesser { frame, joints }.guess())
+}
+
+struct Guesser<'a> {
+    frame: Frame,
+    joints: &'a [GuessJoint],
+}
+
+impl Guesser<'_> {
+    fn guess(&self) -> Guess {
+        let mut guess = Guess::default();
+        let mut columns: Vec<(usize, GuessedColumn)> = Vec::new();
+        for (index, column) in self.frame.columns.iter().enumerate() {
+            if column.name == TIME || time_column(&column.name).is_some() {
+                continue;
+            }
+            match self.column(index, column) {
+                Ok(found) => columns.push((index, found)),
+                Err(why) => guess.left_out.push((column.name.clone(), why)),
+            }
+        }
+        self.weigh_velocities(&mut columns);
+        // The surest of several for one signal.
+        columns.sort_by_key(|(index, found)| {
+            let joint = self
+                .joints
+                .iter()
+                .position(|joint| joint.name == found.joint);
+            (joint, found.signal, std::cmp::Reverse(found.sure), *index)
+        });
+        for (_, found) in columns {
+            let same =
+                |known: &&GuessedColumn| known.joint == found.joint && known.signal == found.signal;
+            match guess.columns.iter().find(same) {
+                Some(known) => {
+                    let why = format!(
+                        "`{}` is the {} of {}",
+                        known.column, known.signal, known.joint
+                    );
+                    guess.left_out.push((found.column, why));
+                }
+                None => guess.columns.push(found),
+            }
+        }
+        guess
+    }
+
+    /// What a column is by its name and its values, or why it is left out.
+    fn column(&self, index: usize, column: &Column) -> Result<GuessedColumn, String> {
+        let found = |joint: &GuessJoint, signal, scale, sure, why| GuessedColumn {
+            column: column.name.clone(),
+            joint: joint.name.clone(),
+            signal,
+            scale,
+            sure,
+            why,
+        };
+        if let Some(Known { joint, signal, .. }) =
+            self.frame.known.iter().find(|known| known.column == index)
+        {
+            let joint = self
+                .joint_named(joint)
+                .ok_or("the robot has no such joint")?;
+            let (signal, scale, sure, why) =
+                of_the_motor(*signal, joint, Sure::Certain, "the message says it");
+            return Ok(found(joint, signal, scale, sure, why));
+        }
+        if let Some((joint, signal)) = joint_and_signal(&column.name) {
+            let joint = self
+                .joint_named(joint)
+                .ok_or("the robot has no such joint")?;
+            return Ok(found(
+                joint,
+                signal,
+                1.0,
+                Sure::Certain,
+                "its name is a signal's".to_owned(),
+            ));
+        }
+        if let Some((joint, signal)) = self.frame.named_by_format(index) {
+            let joint = self
+                .joint_named(joint)
+                .ok_or("the robot has no such joint")?;
+            let (scale, unit) =
+                meaning(&column.name).map_or((1.0, None), |meaning| unit(&meaning, column));
+            let why = format!(
+                "the dataset says it{}",
+                unit.map_or(String::new(), |unit| format!("; {unit}"))
+            );
+            let (signal, to_motor, sure, why) = of_the_motor(signal, joint, Sure::Likely, &why);
+            return Ok(found(joint, signal, scale * to_motor, sure, why));
+        }
+        let meaning = meaning(&column.name).ok_or("its name says nothing that is known")?;
+        let (joint, by_number) = self
+            .joint_of(&meaning.rest)
+            .ok_or("its name is of no joint of the robot")?;
+        let (signal, side_is_supposed) = meaning.signal();
+        let (scale, unit) = unit(&meaning, column);
+        let mut why = vec!["by its name".to_owned()];
+        let mut sure = Sure::Certain;
+        if by_number {
+            sure = Sure::Likely;
+            why.push("joints by their number".to_owned());
+        }
+        if let Some(unit) = unit {
+            sure = sure.min(Sure::Likely);
+            why.push(unit);
+        }
+        if side_is_supposed {
+            sure = sure.min(Sure::Likely);
+            why.push("behind the gear, as its name tells no side".to_owned());
+        }
+        let (signal, to_motor, sure, why) = of_the_motor(signal, joint, sure, &why.join("; "));
+        Ok(found(joint, signal, scale * to_motor, sure, why))
+    }
+
+    fn joint_named(&self, name: &str) -> Option<&GuessJoint> {
+        self.joints.iter().find(|joint| joint.name == name)
+    }
+
+    /// The joint that the rest of a column's name is of; whether only by its number.
+    fn joint_of(&self, rest: &[String]) -> Option<(&GuessJoint, bool)> {
+        let plain = |text: &str| -> String {
+            let kept = text.chars().filter(|c| c.is_alphanumeric());
+            kept.flat_map(char::to_lowercase).collect()
+        };
+        let name = rest.concat();
+        if let Some(joint) = self.joints.iter().find(|joint| plain(&joint.name) == name) {
+            return Some((joint, false));
+        }
+        if let ([joint], true) = (self.joints, name.is_empty()) {
+            return Some((joint, false));
+        }
+        let digits = |text: &str| -> Option<usize> {
+            let start = text.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+            text[start..].parse().ok()
+        };
+        let number = digits(&name)?;
+        // The robot's own numbers go before counting, which begins at 0 where a column has that number.
+        let numbered = self
+            .joints
+            .iter()
+            .find(|joint| digits(&joint.name) == Some(number));
+        let from_zero = self.frame.columns.iter().any(|column| {
+            meaning(&column.name).is_some_and(|meaning| digits(&meaning.rest.concat()) == Some(0))
+        });
+        let counted = || {
+            self.joints
+                .get(number.checked_sub(usize::from(!from_zero))?)
+        };
+        numbered.or_else(counted).map(|joint| (joint, true))
+    }
+
+    /// Unit, sign and side of the gear of velocities, from their positions.
+    fn weigh_velocities(&self, columns: &mut [(usize, GuessedColumn)]) {
+        let Some(time_s) = self.times_s() else { return };
+        let positions: Vec<(String, Vec<f64>)> = columns
+            .iter()
+            .filter(|(_, found)| found.signal == Signal::LinkPositionRad)
+            .map(|(index, found)| {
+                let numbers = self.numbers(*index);
+                let scaled = numbers.iter().map(|value| value * found.scale);
+                (found.joint.clone(), scaled.collect())
+            })
+            .collect();
+        let velocities = columns
+            .iter_mut()
+            .filter(|(_, found)| found.signal == Signal::LinkVelocityRadS);
+        for (index, found) in velocities {
+            let position = positions.iter().find(|(joint, _)| *joint == found.joint);
+            let ratio = self
+                .joint_named(&found.joint)
+                .map_or(1.0, |joint| joint.gear_ratio);
+            let slope =
+                position.and_then(|(_, position)| slope(&time_s, position, &self.numbers(*index)));
+            let Some(slope) = slope.map(|slope| slope * found.scale) else {
+                continue;
+            };
+            let explained = [
+                (
+                    1.0,
+                    Signal::LinkVelocityRadS,
+                    "agrees with the position's difference",
+                ),
+                (
+                    180.0 / PI,
+                    Signal::LinkVelocityRadS,
+                    "is 57.3 times the position's difference: degrees",
+                ),
+                (
+                    30.0 / PI,
+                    Signal::LinkVelocityRadS,
+                    "is 9.55 times the position's difference: turns per minute",
+                ),
+                (
+                    ratio,
+                    Signal::MotorVelocityRadS,
+                    "is the gear ratio times the position's difference",
+                ),
+                (
+                    ratio * 30.0 / PI,
+                    Signal::MotorVelocityRadS,
+                    "is the motor's, in turns per minute, by the position's difference",
+                ),
+                (
+                    ratio * 180.0 / PI,
+                    Signal::MotorVelocityRadS,
+                    "is the motor's, in degrees, by the position's difference",
+                ),
+            ];
+            let near = |factor: f64| (slope.abs() / factor.abs() - 1.0).abs() < 0.1;
+            let Some((factor, signal, why)) =
+                explained.into_iter().find(|(factor, _, _)| near(*factor))
+            else {
+                found.sure = Sure::Doubtful;
+                let _ = write!(found.why, "; is {slope:.3} times the position's difference");
+                continue;
+            };
+            found.signal = signal;
+            let _ = write!(found.why, "; {why}");
+            // On the motor's side the velocity is the position's difference times the ratio, with its sign.
+            let side = if signal == Signal::MotorVelocityRadS {
+                ratio
+            } else {
+                1.0
+            };
+            found.scale *= side * slope.signum() / factor.abs();
+            if slope * side < 0.0 {
+                found.why.push_str(", reversed");
+            }
+        }
+    }
+
+    fn times_s(&self) -> Option<Vec<f64>> {
+        let is_time = |column: &&Column| column.name == TIME || time_column(&column.name).is_some();
+        let column = self.frame.columns.iter().find(is_time)?;
+        let unit = time_column(&column.name).flatten();
+        crate::frame::times_s(&column.values, unit)
+    }
+
+    fn numbers(&self, column: usize) -> Vec<f64> {
+        match &self.frame.columns[column].values {
+            Values::Numbers(values) => values.clone(),
+            Values::Integers(values) | Values::Instants(values, _) => values
+                .iter()
+                .map(|value| value.map_or(f64::NAN, |value| value as f64))
+                .collect(),
+        }
+    }
+}
+
+/// A torque that is told at the joint is, of a geared joint, most likely the motor's times the ratio: sensors are rare.
+fn of_the_motor(
+    signal: Signal,
+    joint: &GuessJoint,
+    sure: Sure,
+    why: &str,
+) -> (Signal, f64, Sure, String) {
+    if signal != Signal::JointTorqueNm || joint.gear_ratio == 1.0 {
+        return (signal, 1.0, sure, why.to_owned());
+    }
+    let why = format!(
+        "{why}; the motor's seen at the joint, over the gear ratio; for a torque sensor write joint_torque_nm"
+    );
+    (
+        Signal::MotorTorqueNm,
+        1.0 / joint.gear_ratio,
+        Sure::Doubtful,
+        why,
+    )
+}
+
+/// Signal over column, and why where its name does not tell the unit.
+fn unit(meaning: &Meaning, column: &Column) -> (f64, Option<String>) {
+    if let Some(scale) = meaning.scale {
+        return (scale, None);
+    }
+    let Values::Numbers(values) = &column.values else {
+        return (1.0, None);
+    };
+    let farthest = values
+        .iter()
+        .fold(0.0_f64, |farthest, value| farthest.max(value.abs()));
+    // A joint turns once each way at most, but for a motor.
+    if meaning.quantity == Quantity::Position
+        && meaning.is_motor != Some(true)
+        && farthest > 2.5 * PI
+    {
+        let why = format!("degrees, as it goes to {farthest:.1}");
+        return (PI / 180.0, Some(why));
+    }
+    (1.0, None)
+}
+
+/// Least squares of a velocity over the difference of its position; `None` if it stands still or scatters.
+fn slope(time_s: &[f64], position: &[f64], velocity: &[f64]) -> Option<f64> {
+    let (mut with, mut of, mut own) = (0.0, 0.0, 0.0);
+    for row in 1..time_s
+        .len()
+        .min(position.len())
+        .min(velocity.len())
+        .saturating_sub(1)
+    {
+        let step_s = time_s[row + 1] - time_s[row - 1];
+        let difference = (position[row + 1] - position[row - 1]) / step_s;
+        if step_s > 0.0 && difference.is_finite() && velocity[row].is_finite() {
+            with += velocity[row] * difference;
+            of += difference * difference;
+            own += velocity[row] * velocity[row];
+        }
+    }
+    // Half of the squares are of something else: nothing can be told.
+    (with * with > 0.5 * of * own && of > 0.0).then(|| with / of)
+}
+
+impl Guess {
+    /// The mapping file that says the same.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        let mut text =
+            String::from("# Guessed by `flexspline recording map`. Value = scale·x + offset.\n");
+        let mut joint = "";
+        for found in &self.columns {
+            if found.joint != joint {
+                joint = &found.joint;
+                let _ = writeln!(text, "\n[joint.{}]", quoted(joint));
+            }
+            let column = quoted(&found.column);
+            let value = match found.scale {
+                1.0 => column,
+                scale => format!("{{ column = {column}, scale = {scale:?} }}"),
+            };
+            let _ = writeln!(
+                text,
+                "{} = {value}   # {}: {}",
+                found.signal, found.sure, found.why
+            );
+        }
+        text
+    }
+}
+
+/// As TOML writes a text.
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.to_owned()).to_string()
+}
+
+impl fmt::Display for Sure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Doubtful => "doubtful",
+            Self::Likely => "likely",
+            Self::Certain => "certain",
+        })
+    }
+}

@@ -1,0 +1,137 @@
+//! What the columns of a foreign log are taken for.
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use recording::{Guess, GuessJoint, Signal, Sure, guess, mapping_beside, read};
+use std::f64::consts::PI;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+struct Log(tempfile::TempDir);
+
+impl Log {
+    fn new(header: &str, row: impl Fn(f64) -> Vec<f64>) -> Self {
+        let mut text = format!("time_s,{header}\n");
+        for index in 0..500 {
+            let time_s = f64::from(index) * 0.002;
+            let cells: Vec<String> = row(time_s).iter().map(f64::to_string).collect();
+            writeln!(text, "{time_s},{}", cells.join(",")).unwrap();
+        }
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("log.csv"), text).unwrap();
+        Self(folder)
+    }
+
+    fn path(&self) -> PathBuf {
+        self.0.path().join("log.csv")
+    }
+
+    fn guess(&self, joints: &[(&str, f64)]) -> Guess {
+        let joint = |(name, gear_ratio): &(&str, f64)| GuessJoint {
+            name: (*name).to_owned(),
+            gear_ratio: *gear_ratio,
+        };
+        guess(&self.path(), &joints.iter().map(joint).collect::<Vec<_>>()).unwrap()
+    }
+}
+
+fn swing(time_s: f64) -> (f64, f64) {
+    ((6.0 * time_s).sin(), 6.0 * (6.0 * time_s).cos())
+}
+
+fn told(guess: &Guess, column: &str) -> (String, Signal, f64, Sure) {
+    let found = guess
+        .columns
+        .iter()
+        .find(|found| found.column == column)
+        .unwrap();
+    (found.joint.clone(), found.signal, found.scale, found.sure)
+}
+
+#[test]
+fn names_units_sides_and_signs_are_told_by_names_and_physics() {
+    let log = Log::new(
+        "axis1_pos,axis1_vel,axis1_motor_torque_mNm,q2,dq2,comment",
+        |time_s| {
+            let (angle, speed) = swing(time_s);
+            let degrees = 180.0 / PI;
+            vec![
+                20.0 * angle,
+                20.0 * speed,
+                1.0,
+                angle,
+                -100.0 * speed * 30.0 / PI,
+                7.0 + degrees,
+            ]
+        },
+    );
+    let guess = log.guess(&[("axis1", 50.0), ("axis2", 100.0)]);
+    assert_eq!(
+        told(&guess, "axis1_pos"),
+        (
+            "axis1".to_owned(),
+            Signal::LinkPositionRad,
+            PI / 180.0,
+            Sure::Likely
+        )
+    );
+    let (_, signal, scale, _) = told(&guess, "axis1_vel");
+    assert_eq!(signal, Signal::LinkVelocityRadS);
+    assert!((scale - PI / 180.0).abs() < 1e-12, "{scale}");
+    assert_eq!(
+        told(&guess, "axis1_motor_torque_mNm"),
+        (
+            "axis1".to_owned(),
+            Signal::MotorTorqueNm,
+            1e-3,
+            Sure::Certain
+        )
+    );
+    // Turns per minute before the gear, reversed.
+    let (joint, signal, scale, _) = told(&guess, "dq2");
+    assert_eq!((&joint[..], signal), ("axis2", Signal::MotorVelocityRadS));
+    assert!((scale + PI / 30.0).abs() < 1e-12, "{scale}");
+    assert_eq!(guess.left_out[0].0, "comment");
+}
+
+#[test]
+fn a_torque_at_a_geared_joint_is_doubtful_and_at_one_without_a_gear_is_not() {
+    let log = Log::new("q,tau", |time_s| vec![swing(time_s).0, 70.0]);
+    let (_, signal, scale, sure) = told(&log.guess(&[("shoulder", 100.0)]), "tau");
+    assert_eq!(
+        (signal, scale, sure),
+        (Signal::MotorTorqueNm, 0.01, Sure::Doubtful)
+    );
+    let (_, signal, scale, sure) = told(&log.guess(&[("shoulder", 1.0)]), "tau");
+    assert_eq!(
+        (signal, scale, sure),
+        (Signal::JointTorqueNm, 1.0, Sure::Likely)
+    );
+}
+
+#[test]
+fn the_mapping_file_that_is_written_is_read() {
+    let log = Log::new("q,q_des,tau", |time_s| vec![swing(time_s).0, 0.5, 70.0]);
+    let guess = log.guess(&[("the \"first\" joint", 100.0)]);
+    std::fs::write(mapping_beside(&log.path()), guess.to_toml()).unwrap();
+    let recording = read(&log.path()).unwrap();
+    let of_joint = |signal| recording.signal("the \"first\" joint", signal).unwrap()[0];
+    assert_eq!(of_joint(Signal::ReferencePositionRad), 0.5);
+    assert!((of_joint(Signal::MotorTorqueNm) - 0.7).abs() < 1e-15);
+}
+
+#[test]
+fn joints_are_counted_from_the_least_number() {
+    let row = |time_s| vec![swing(time_s).0, 2.0 * swing(time_s).0];
+    let joints = [("shoulder", 1.0), ("elbow", 1.0)];
+    for header in ["q0,q1", "q1,q2", "position_1,position_2"] {
+        let guess = Log::new(header, row).guess(&joints);
+        let of: Vec<&str> = guess
+            .columns
+            .iter()
+            .map(|found| found.joint.as_str())
+            .collect();
+        assert_eq!(of, ["shoulder", "elbow"], "{header}");
+    }
+    let guess = Log::new("q0,elbow_pos", row).guess(&joints);
+    assert_eq!(told(&guess, "elbow_pos").3, Sure::Likely);
+}
