@@ -5,8 +5,8 @@ use std::fs;
 use std::path::Path;
 
 use comfy_table::{Table, presets};
-use gap_diagnosis::Diagnosis;
 use gap_diagnosis::report::{JointReport, Report, Verdict};
+use gap_diagnosis::{Diagnosis, Engine, Options};
 use indicatif::{ProgressBar, ProgressStyle};
 use report::number;
 
@@ -28,7 +28,11 @@ pub fn diagnose(arguments: &GapDiagnoseArguments) -> Result<(), CliError> {
         .map(|path| super::read(path))
         .collect::<Result<Vec<_>, _>>()?;
     let bar = progress_bar(robot.joints.len());
-    let diagnosed = gap_diagnosis::diagnose(&robot, &recordings, &|progress| {
+    let options = Options {
+        engine: arguments.engine.map(Engine::from),
+        materiality: arguments.materiality,
+    };
+    let diagnosed = gap_diagnosis::diagnose(&robot, &recordings, &options, &|progress| {
         bar.set_position(progress.done as u64);
     });
     bar.finish_and_clear();

@@ -5,8 +5,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use gap_diagnosis::baseline::{Baseline, baseline};
-use gap_diagnosis::diagnose::DiagnoseError;
 use gap_diagnosis::report::Report;
+use gap_diagnosis::{DiagnoseError, Options};
 use serde::Serialize;
 
 use super::make::progress_bar;
@@ -85,7 +85,8 @@ fn predict(case: &Path, method: Option<BaselineMethod>) -> Result<Report, String
     let diagnosed = catch_unwind(AssertUnwindSafe(|| {
         let method = match method {
             None => {
-                let diagnosis = gap_diagnosis::diagnose(&robot, &recordings, &|_| {})?;
+                let diagnosis =
+                    gap_diagnosis::diagnose(&robot, &recordings, &Options::default(), &|_| {})?;
                 return Ok(diagnosis.report);
             }
             Some(BaselineMethod::LargestR2) => Baseline::LargestR2,

@@ -15,7 +15,7 @@ fn report(verdict: &str) -> Report {
         json!([])
     };
     serde_json::from_value(json!({
-        "schema": 1, "robot": "shd17", "recordings": ["<run>.mcap"], "samples": 45000, "seconds": 30.0,
+        "schema": 2, "robot": "shd17", "recordings": ["<run>.mcap"], "samples": 45000, "seconds": 30.0,
         "sample_rate_hz": 1500.0, "twin": "closed_loop", "compute_seconds": 1.5, "shared_effects": [],
         "joints": [{
             "joint": "joint1", "verdict": verdict, "effects": effects,
@@ -50,6 +50,8 @@ fn traces() -> Vec<JointTraces> {
         augmented_nm: measured_nm.iter().map(|nm| 0.9 * nm).collect(),
         measured_nm,
         time_s,
+        position_rad: Vec::new(),
+        velocity_rad_s: Vec::new(),
     }]
 }
 

@@ -91,6 +91,8 @@ mod tests {
             nominal_nm: zero.clone(),
             augmented_nm: zero,
             time_s,
+            position_rad: Vec::new(),
+            velocity_rad_s: Vec::new(),
         };
         let (from, to) = worst(&traces).expect("there are samples");
         assert!(traces.time_s[from] <= 12.0 && traces.time_s[to - 1] >= 12.99);
