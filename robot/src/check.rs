@@ -333,6 +333,11 @@ pub fn control(file: &str, control: &mut Control, joint_count: usize) -> Result<
     const FILTER_ORDER_MAX: u32 = 10;
     const DELAY_CYCLES_MAX: u32 = 1000;
     let place = Place::new(file, "control");
+    if control.rate_hz == 0.0 {
+        return Err(place.invalid(
+            "rate_hz is missing or 0; give the controller's cycles per second, or kind = \"unknown\" and nothing else",
+        ));
+    }
     let needs_gains = matches!(
         control.kind,
         ControlKind::PdFeedforward | ControlKind::VelocityPi

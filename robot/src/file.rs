@@ -66,6 +66,10 @@ fn down() -> [f64; 3] {
     [0.0, 0.0, -9.81]
 }
 
+fn direct_drive() -> f64 {
+    1.0
+}
+
 /// One `[[link]]`: a moving link and the revolute joint that carries it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -110,9 +114,11 @@ pub struct InertiaFile {
 pub struct RobotJoint {
     /// The joint's name, which recordings use too.
     pub name: String,
-    /// Motor turns per joint turn.
+    /// Motor turns per joint turn; 1 where the file is silent, a motor on the joint's axis.
+    #[serde(default = "direct_drive")]
     pub gear_ratio: f64,
-    /// Motor side, wave generator included.
+    /// Motor side, wave generator included; 0 where the file is silent.
+    #[serde(default)]
     pub rotor_inertia_kg_m2: f64,
     /// Largest torque the drive gives, motor side.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -39,7 +39,7 @@ pub struct Robot {
     pub joints: Vec<RobotJoint>,
     /// Effects of the whole arm (payload, base tilt, bus timing), wherever the file wrote them.
     pub shared_effects: Vec<Effect>,
-    /// What ran on the robot while it was recorded; gains in the chain's order.
+    /// What ran on the robot while it was recorded, where the file says anything of it; gains in the chain's order.
     pub control: Option<Control>,
     /// How well the values are known.
     pub tolerance: Tolerance,
@@ -133,6 +133,7 @@ impl RobotFile {
         let control = self
             .control
             .take()
+            .filter(|control| !control.is_silent())
             .map(|control| ordered_control(&file, control, &order))
             .transpose()?;
         let tool = isometry(self.tool_origin_m, self.tool_origin_rpy_rad);

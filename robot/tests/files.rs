@@ -1,7 +1,9 @@
 //! Robot and injection files as people write them: accepted, or refused in one line that helps.
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use robot::{Effect, Robot, RobotError, RobotFile, RobotJoint, Source, load, parse_injection};
+use robot::{
+    ControlKind, Effect, Robot, RobotError, RobotFile, RobotJoint, Source, load, parse_injection,
+};
 
 const BENCH: &str = r#"
 name = "bench"
@@ -79,6 +81,53 @@ fn joints_and_gains_follow_the_chain() {
 }
 
 #[test]
+fn a_joint_without_drive_is_driven_directly() {
+    let bare = BENCH
+        .replace("gear_ratio = 50.0\n", "")
+        .replace("rotor_inertia_kg_m2 = 1e-5\n", "");
+    let elbow = &read(&bare).unwrap().joints[1];
+    assert_eq!((elbow.gear_ratio, elbow.rotor_inertia_kg_m2), (1.0, 0.0));
+}
+
+/// The bench with another `[control]` table.
+fn with_control(table: &str) -> String {
+    let (start, _) = BENCH.split_once("[control]").unwrap();
+    format!("{start}[control]\n{table}")
+}
+
+#[test]
+fn an_unknown_controller_may_say_nothing_else() {
+    assert_eq!(
+        read(&with_control("kind = \"unknown\"")).unwrap().control,
+        None
+    );
+    let with_rate = with_control("kind = \"unknown\"\nrate_hz = 500.0");
+    let control = read(&with_rate).unwrap().control.unwrap();
+    assert_eq!(
+        (control.kind, control.rate_hz),
+        (ControlKind::Unknown, 500.0)
+    );
+    for table in [
+        "kind = \"unknown\"\ndelay_cycles = 2",
+        "kind = \"open_loop_torque\"",
+    ] {
+        let message = read(&with_control(table)).unwrap_err().to_string();
+        assert_says(&message, &["control", "rate_hz is missing"]);
+    }
+}
+
+#[test]
+fn pd_is_feedback_with_nothing_fed_forward() {
+    let gains =
+        "proportional_nm_rad = [10.0, 40.0]\nderivative_nm_s_rad = [1.0, 4.0]\nrate_hz = 500.0";
+    let pd = read(&with_control(&format!("kind = \"pd\"\n{gains}")));
+    let same = read(&with_control(&format!(
+        "kind = \"pd_feedforward\"\nfeedforward = \"none\"\n{gains}"
+    )));
+    assert_eq!(pd.unwrap().control, same.unwrap().control);
+}
+
+#[test]
 fn a_payload_is_the_arms_wherever_it_is_written() {
     let robot = read(BENCH).unwrap();
     assert_eq!(
@@ -137,10 +186,14 @@ fn unknown_keys_are_named_with_place_and_nearest_key() {
     );
     let inertia = refused("zz = 0.002", "zy = 0.002");
     assert_says(&inertia, &["link `elbow`", "inertia_kg_m2", "`zy`"]);
-    let kind = refused("pd_feedforward", "pd");
+    let kind = refused("pd_feedforward", "pd_feed_forward");
     assert_says(
         &kind,
-        &["control, kind", "`pd`", "did you mean `pd_feedforward`?"],
+        &[
+            "control, kind",
+            "`pd_feed_forward`",
+            "did you mean `pd_feedforward`?",
+        ],
     );
     let tolerance = refused("mass_kg = 0.1 }", "mass = 0.1 }");
     assert_says(
@@ -160,8 +213,8 @@ fn malformed_text_is_refused_with_its_line() {
         &["line 23", "joint `elbow`, gear_ratio"],
     );
     assert_says(
-        &refused("gear_ratio = 50.0\n", "\n"),
-        &["joint `elbow`", "`gear_ratio` is missing, add it"],
+        &refused("mass_kg = 1.0\n", "\n"),
+        &["link `elbow`", "`mass_kg` is missing, add it"],
     );
     assert_says(
         &refused("[0, 2, 0]", "[0, 2]"),
@@ -209,7 +262,7 @@ fn impossible_values_are_named_with_what_is_allowed() {
         (
             "rate_hz = 1000.0",
             "rate_hz = 0",
-            ["control", "rate_hz = 0 must be above zero"],
+            ["control", "rate_hz is missing or 0; give"],
         ),
         (
             "[10.0, 40.0]",
