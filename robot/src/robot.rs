@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use joint_model::JOINTS_MAX;
-use joint_model::rigid_body::{Chain, ChainError, Link};
+use joint_model::rigid_body::{Chain, ChainError, JointKind, Link};
 use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::check::{self, Must};
@@ -128,7 +128,10 @@ impl RobotFile {
         }
         check::tolerance(&file, &self.parameter_tolerance)?;
         check_joints(&file, &self.joints)?;
-        let (names, links) = self.links(&file, &source)?;
+        let (names, mut links) = self.links(&file, &source)?;
+        for (index, link) in links.iter_mut().enumerate() {
+            link.parent = Link::serial(index);
+        }
         let order = match_joints(&file, &names, &self.joints)?;
         let control = self
             .control
@@ -336,6 +339,8 @@ fn rigid_link(file: &str, link: &LinkFile) -> Result<Link, RobotError> {
             ))
         })?;
     Ok(Link {
+        parent: None,
+        kind: JointKind::Revolute,
         origin: isometry(link.origin_m, link.origin_rpy_rad),
         axis,
         mass_kg: link.mass_kg,

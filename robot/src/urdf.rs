@@ -1,6 +1,6 @@
 //! The serial chain in a URDF: revolute joints in a row, fixed joints merged into the links they hang on.
 
-use joint_model::rigid_body::Link;
+use joint_model::rigid_body::{JointKind, Link};
 use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
 use urdf_rs::{Joint, JointType, Pose};
 
@@ -254,6 +254,8 @@ impl<'a> Tree<'a> {
         Ok(UrdfLink {
             joint: joint.name.clone(),
             link: Link {
+                parent: None,
+                kind: JointKind::Revolute,
                 origin,
                 axis,
                 mass_kg: body.mass_kg,
