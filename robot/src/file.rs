@@ -1,5 +1,7 @@
 //! Robot files as they are written: the keys of the TOML text, not yet checked or built.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::error::RobotError;
@@ -24,6 +26,9 @@ pub struct RobotFile {
     /// URDF with the rigid bodies, relative to the robot file; or `[[link]]` tables instead.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub urdf: Option<String>,
+    /// Where joints stand that are none of the robot's, rad or m; at zero where this does not say.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub held: BTreeMap<String, f64>,
     /// Origin of the end-effector frame in the last link's frame.
     #[serde(default)]
     pub tool_origin_m: [f64; 3],
@@ -39,7 +44,8 @@ pub struct RobotFile {
     /// The serial chain, base to tip, where there is no URDF.
     #[serde(default, rename = "link", skip_serializing_if = "Vec::is_empty")]
     pub links: Vec<LinkFile>,
-    /// The drives, matched to the chain by joint name.
+    /// The drives, matched to the chain by joint name. Joints of a URDF that have no table are held, but where there is no
+    /// table at all every joint that moves by itself is one of the robot.
     #[serde(default, rename = "joint")]
     pub joints: Vec<RobotJoint>,
 }
@@ -62,7 +68,7 @@ impl RobotFile {
     }
 }
 
-fn down() -> [f64; 3] {
+pub(crate) fn down() -> [f64; 3] {
     [0.0, 0.0, -9.81]
 }
 
@@ -159,4 +165,28 @@ pub struct RobotJoint {
     /// What the nominal model already knows.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub effects: Vec<Effect>,
+}
+
+impl RobotJoint {
+    /// A joint of which nothing is known: driven directly, without rotor.
+    pub fn named(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            gear_ratio: direct_drive(),
+            rotor_inertia_kg_m2: 0.0,
+            torque_limit_nm: None,
+            torque_constant_nm_a: None,
+            motor_encoder_resolution_rad: None,
+            link_encoder_resolution_rad: None,
+            position_noise_rad: 0.0,
+            torque_noise_nm: 0.0,
+            position_limit_rad: None,
+            velocity_limit_rad_s: None,
+            direction_friction: None,
+            load_torque: None,
+            friction_table: None,
+            estimators: None,
+            effects: Vec::new(),
+        }
+    }
 }

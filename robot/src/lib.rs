@@ -13,13 +13,18 @@
 #![forbid(unsafe_code)]
 
 mod bodies;
+mod build;
 mod check;
 mod control;
+mod description;
 mod effect;
 mod error;
 pub mod estimators;
 mod file;
+mod hold;
 mod injection;
+mod mass;
+mod model;
 mod nominal;
 mod parse;
 pub mod published;
@@ -28,6 +33,7 @@ mod robot;
 mod table;
 mod tolerance;
 mod urdf;
+mod xml;
 
 pub use bodies::changed_chain;
 pub use control::{Control, ControlKind, Feedback, Feedforward};

@@ -253,7 +253,8 @@ fn is_unit(length: f64) -> bool {
     (length - 1.0).abs() <= UNIT_LENGTH_TOLERANCE
 }
 
-fn is_inertia_of_a_body(inertia_kg_m2: &Matrix3<f64>) -> bool {
+/// Whether a body has such an inertia: symmetric, no principal moment negative or larger than the sum of the others.
+pub fn is_inertia_of_a_body(inertia_kg_m2: &Matrix3<f64>) -> bool {
     // Checked first: the eigenvalue iteration below never ends on NaN.
     if !inertia_kg_m2.iter().all(|element| element.is_finite()) {
         return false;
