@@ -265,6 +265,7 @@ fn bench(random: &mut Random) -> RobotFile {
         gravity_m_s2: [0.0, 0.0, -GRAVITY_M_S2],
         parameter_tolerance: tolerance(random),
         urdf: None,
+        mjcf: None,
         held: Default::default(),
         tool_origin_m: [0.0; 3],
         tool_origin_rpy_rad: [0.0; 3],

@@ -3,8 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use joint_model::JOINTS_MAX;
-use joint_model::rigid_body::{Chain, ChainError, JointKind};
+use joint_model::rigid_body::{Chain, ChainError, JointKind, LINKS_MAX};
 use nalgebra::{Matrix3, Unit, Vector3};
 
 use crate::check::{self, Must};
@@ -12,8 +11,11 @@ use crate::description::Description;
 use crate::error::{Place, RobotError};
 use crate::file::{LinkFile, RobotFile, RobotJoint, down};
 use crate::mass::{MassProperties, isometry};
-use crate::model::{Body, Joint, Model, Moving, note_of_held};
+use crate::model::{Body, Joint, Model, note_of_held};
 use crate::{Control, Effect, Robot, Source};
+
+/// What no fit and no simulation can do anything with.
+const NO_BODY: &str = "no body has this inertia: each principal moment must be at least zero and at most the sum of the other two, about the centre of mass; correct it";
 
 impl RobotFile {
     /// Checks the file and makes the robot. The source names the file in errors, and a URDF or a MuJoCo model is read
@@ -40,10 +42,10 @@ impl RobotFile {
             self.joints.iter().any(|joint| joint.name == name)
                 || (means_all && !self.held.contains_key(name))
         };
-        let Moving { names, links, held } = model.links(&top, wanted, &self.held)?;
-        let order = match_joints(&file, &names, &self.joints, &model)?;
+        let moving = model.links(&top, wanted, &self.held)?;
+        let order = match_joints(&file, &moving.names, &self.joints, &model)?;
         let mut notes = std::mem::take(&mut model.notes);
-        notes.extend(note_of_held(&held));
+        notes.extend(note_of_held(&moving.held));
         let control = self
             .control
             .take()
@@ -51,8 +53,18 @@ impl RobotFile {
             .map(|control| ordered_control(&file, control, &order))
             .transpose()?;
         let tool = isometry(self.tool_origin_m, self.tool_origin_rpy_rad);
-        let chain = Chain::new(&links, Vector3::from(self.gravity_m_s2), tool)
-            .map_err(|error| chain_error(&file, &names, &error))?;
+        let names = &moving.names;
+        let chain =
+            Chain::new(&moving.links, Vector3::from(self.gravity_m_s2), tool).map_err(|error| {
+                match error {
+                    ChainError::Inertia { link } => {
+                        let own = chain_error(&file, names, &error);
+                        let culprit = model.culprit(&moving, link);
+                        culprit.map_or(own, |place| place.invalid(NO_BODY))
+                    }
+                    _ => chain_error(&file, names, &error),
+                }
+            })?;
         let mut joints: Vec<RobotJoint> = order
             .iter()
             .map(|index| self.joints[*index].clone())
@@ -74,27 +86,34 @@ impl RobotFile {
         };
         robot
             .loaded_chain()
-            .map_err(|error| chain_error(&file, &names, &error))?;
+            .map_err(|error| chain_error(&file, names, &error))?;
         Ok(robot)
     }
 
     /// The rigid bodies and what else their description says.
     fn model(&self, file: &str, source: &Source) -> Result<Model, RobotError> {
         let top = Place::new(file, "top level");
-        let named = [(Description::Urdf, &self.urdf)];
+        let named = [
+            (Description::Urdf, &self.urdf),
+            (Description::Mjcf, &self.mjcf),
+        ];
         let mut named = named
             .into_iter()
             .filter_map(|(kind, path)| Some((kind, path.as_ref()?)));
-        match (named.next(), self.links.is_empty()) {
-            (Some((kind, _)), false) => Err(top.invalid(format!(
+        match (named.next(), named.next(), self.links.is_empty()) {
+            (Some(_), Some(_), _) => {
+                Err(top.invalid("there are both urdf and mjcf; remove one of them"))
+            }
+            (Some((kind, _)), None, false) => Err(top.invalid(format!(
                 "there are both {} and [[link]] tables; remove one of them",
                 kind.key()
             ))),
-            (None, true) => {
-                Err(top.invalid("there is neither urdf nor a [[link]] table; add one of them"))
+            (None, _, true) => {
+                Err(top
+                    .invalid("there is neither urdf, mjcf nor a [[link]] table; add one of them"))
             }
-            (None, false) => model_of_links(file, &self.links),
-            (Some((kind, path)), true) => {
+            (None, _, false) => model_of_links(file, &self.links),
+            (Some((kind, path)), None, true) => {
                 let key = kind.key();
                 let Source::File(robot_file) = source else {
                     return Err(top.invalid(format!(
@@ -134,10 +153,10 @@ impl RobotFile {
                 .collect();
             check_joints(file, &self.joints)?;
         }
-        if self.joints.is_empty() || self.joints.len() > JOINTS_MAX {
+        if self.joints.is_empty() || self.joints.len() > LINKS_MAX {
             let count = self.joints.len();
             return Err(Place::new(file, "top level").invalid(format!(
-                "the robot has {count} joints of 1 to {JOINTS_MAX}; list those that are meant in [[joint]] tables, the others are held"
+                "the robot has {count} joints of 1 to {LINKS_MAX}; list those that are meant in [[joint]] tables, the others are held"
             )));
         }
         for joint in &mut self.joints {
@@ -182,29 +201,6 @@ impl RobotJoint {
             .copied()
             .collect();
         self.effects.extend(added);
-    }
-}
-
-impl Model {
-    /// The description's controller with the gains of these joints.
-    fn control_of(&self, joints: &[RobotJoint]) -> Option<Control> {
-        let control = self.control.as_ref()?;
-        let of_joint = |gains: &[f64]| {
-            let gain = |joint: &RobotJoint| {
-                let mut free = self.free_joints();
-                let index = free.position(|free| free.drive.name == joint.name);
-                index.and_then(|index| gains.get(index)).copied()
-            };
-            joints
-                .iter()
-                .map(|joint| gain(joint).unwrap_or(0.0))
-                .collect()
-        };
-        Some(Control {
-            proportional_nm_rad: of_joint(&control.proportional_nm_rad),
-            derivative_nm_s_rad: of_joint(&control.derivative_nm_s_rad),
-            ..control.clone()
-        })
     }
 }
 
@@ -309,7 +305,7 @@ fn model_of_links(file: &str, links: &[LinkFile]) -> Result<Model, RobotError> {
         bodies: bodies
             .map(|(index, link)| body(file, link, index.checked_sub(1)))
             .collect::<Result<_, _>>()?,
-        control: None,
+        timestep_s: None,
         notes: Vec::new(),
     })
 }
@@ -347,6 +343,7 @@ fn body(file: &str, link: &LinkFile, parent: Option<usize>) -> Result<Body, Robo
             ))
         })?;
     Ok(Body {
+        place,
         parent,
         origin: isometry(link.origin_m, link.origin_rpy_rad),
         joint: Some(Joint {
@@ -354,6 +351,7 @@ fn body(file: &str, link: &LinkFile, parent: Option<usize>) -> Result<Body, Robo
             axis,
             mimic: None,
             drive: RobotJoint::named(&link.joint),
+            law: None,
         }),
         mass: MassProperties {
             mass_kg: link.mass_kg,

@@ -62,10 +62,17 @@ fn optional(place: &Place, key: &str, value: Option<f64>, must: Must) -> Result<
     value.map_or(Ok(()), |value| number(place, key, value, must))
 }
 
+pub fn is_usable_in_name(c: char) -> bool {
+    !c.is_control() && !c.is_whitespace() && !matches!(c, ',' | '.' | '"')
+}
+
+pub fn is_usable_name(name: &str) -> bool {
+    !name.is_empty() && name.chars().all(is_usable_in_name)
+}
+
 /// A name that can stand in a column heading `JOINT.SIGNAL`.
 pub fn name(place: &Place, key: &str, name: &str) -> Result<(), RobotError> {
-    let usable = |c: char| !c.is_control() && !c.is_whitespace() && !matches!(c, ',' | '.' | '"');
-    if !name.is_empty() && name.chars().all(usable) {
+    if is_usable_name(name) {
         return Ok(());
     }
     let rule = "must not be empty nor hold spaces, commas, dots or quotes, because recordings use it in headings";

@@ -23,9 +23,12 @@ pub struct RobotFile {
     /// How well the values of the file are known.
     #[serde(default)]
     pub parameter_tolerance: Tolerance,
-    /// URDF with the rigid bodies, relative to the robot file; or `[[link]]` tables instead.
+    /// URDF with the rigid bodies, relative to the robot file; or `mjcf`, or `[[link]]` tables instead.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub urdf: Option<String>,
+    /// MuJoCo model with the rigid bodies, relative to the robot file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mjcf: Option<String>,
     /// Where joints stand that are none of the robot's, rad or m; at zero where this does not say.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub held: BTreeMap<String, f64>,

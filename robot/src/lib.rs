@@ -24,6 +24,7 @@ mod file;
 mod hold;
 mod injection;
 mod mass;
+mod mjcf;
 mod model;
 mod nominal;
 mod parse;

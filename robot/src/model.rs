@@ -3,12 +3,13 @@
 
 use std::collections::BTreeMap;
 
-use joint_model::rigid_body::{JointKind, Link};
+use joint_model::rigid_body::{JointKind, Link, is_inertia_of_a_body};
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
+use crate::check;
 use crate::error::{Place, RobotError};
 use crate::mass::MassProperties;
-use crate::{Control, RobotJoint};
+use crate::{Control, ControlKind, Feedback, Feedforward, RobotJoint};
 
 /// A robot as its description has it.
 pub struct Model {
@@ -17,14 +18,16 @@ pub struct Model {
     pub gravity_m_s2: Option<[f64; 3]>,
     /// Each after its parent.
     pub bodies: Vec<Body>,
-    /// What drives the joints that [`Model::free_joints`] lists, in their order.
-    pub control: Option<Control>,
+    /// Of the simulation whose model it is.
+    pub timestep_s: Option<f64>,
     /// What was assumed or not read.
     pub notes: Vec<String>,
 }
 
 /// A body and what joins it to its parent.
 pub struct Body {
+    /// Where it is described.
+    pub place: Place,
     /// Index of the body that carries it, smaller than its own; `None` for the base.
     pub parent: Option<usize>,
     /// Its frame, which is the joint's, in the parent's frame, with the joint at zero.
@@ -43,6 +46,16 @@ pub struct Joint {
     pub mimic: Option<Mimic>,
     /// Name, limits, drive and nominal effects, as far as the description has them.
     pub drive: RobotJoint,
+    /// What commands its torque.
+    pub law: Option<Law>,
+}
+
+/// A law of control with its gains, at the joint.
+#[derive(Clone)]
+pub struct Law {
+    pub kind: ControlKind,
+    pub proportional: f64,
+    pub derivative: f64,
 }
 
 /// `position = multiplier·(the other's position) + offset`.
@@ -65,6 +78,31 @@ impl Model {
 
     pub fn joint(&self, name: &str) -> Option<&Joint> {
         self.joints().find(|joint| joint.drive.name == name)
+    }
+
+    /// The controller of these joints, where their laws are of one kind. A simulation's acts at once, on the joint itself.
+    pub fn control_of(&self, joints: &[RobotJoint]) -> Option<Control> {
+        let law = |joint: &RobotJoint| self.joint(&joint.name)?.law.as_ref();
+        let mut laws = joints.iter().filter_map(law);
+        let kind = laws.next()?.kind;
+        if laws.any(|law| law.kind != kind) {
+            return None;
+        }
+        let gains = |gain: fn(&Law) -> f64| {
+            let all = joints.iter().map(|joint| law(joint).map_or(0.0, gain));
+            all.collect()
+        };
+        Some(Control {
+            rate_hz: 1.0 / self.timestep_s?,
+            kind,
+            proportional_nm_rad: gains(|law| law.proportional),
+            derivative_nm_s_rad: gains(|law| law.derivative),
+            feedback: Feedback::Link,
+            feedforward: Feedforward::None,
+            velocity_filter_hz: 0.0,
+            velocity_filter_order: 1,
+            delay_cycles: 0,
+        })
     }
 
     /// The joints that are `wanted` with their links, and where each of the others is held.
@@ -101,11 +139,54 @@ impl Model {
                 mass: body.mass,
             });
         }
+        let Lumped { links, places } = lump(&parts);
         Ok(Moving {
             names,
-            links: lump(&parts).links,
+            links,
             held: held_joints,
+            carriers: places.iter().map(|(carrier, _)| *carrier).collect(),
         })
+    }
+
+    /// Where an inertia is described that makes a link none that a body can have.
+    pub fn culprit(&self, moving: &Moving, link: usize) -> Option<&Place> {
+        let bodies = self.bodies.iter().zip(&moving.carriers);
+        let mut parts = bodies.filter(|(_, carrier)| **carrier == Some(link));
+        parts
+            .find(|(body, _)| !is_inertia_of_a_body(&body.mass.inertia_kg_m2))
+            .map(|(body, _)| &body.place)
+    }
+
+    /// Gives joints names that recordings can have in their headings, and says so.
+    pub fn make_names_usable(&mut self) {
+        let names: Vec<String> = self
+            .joints()
+            .map(|joint| joint.drive.name.clone())
+            .collect();
+        for name in names.iter().filter(|name| !check::is_usable_name(name)) {
+            let mut usable: String = name
+                .chars()
+                .map(|c| if check::is_usable_in_name(c) { c } else { '_' })
+                .collect();
+            while usable.is_empty() || names.contains(&usable) {
+                usable.push('_');
+            }
+            self.notes.push(format!(
+                "joint {name:?} is called `{usable}`: recordings' headings have no spaces, commas, dots and quotes in a name"
+            ));
+            for joint in self
+                .bodies
+                .iter_mut()
+                .filter_map(|body| body.joint.as_mut())
+            {
+                if joint.drive.name == *name {
+                    joint.drive.name.clone_from(&usable);
+                }
+                if let Some(mimic) = joint.mimic.as_mut().filter(|mimic| mimic.joint == *name) {
+                    mimic.joint.clone_from(&usable);
+                }
+            }
+        }
     }
 
     /// Where a joint stands that is none of the robot's.
@@ -141,6 +222,8 @@ pub struct Moving {
     pub names: Vec<String>,
     pub links: Vec<Link>,
     pub held: Vec<HeldJoint>,
+    /// The link that each of the model's bodies is part of; `None` for the base.
+    carriers: Vec<Option<usize>>,
 }
 
 /// A joint that does not move, and where it is held.

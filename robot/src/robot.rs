@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use joint_model::JOINTS_MAX;
 use joint_model::rigid_body::Chain;
 
 use crate::description::Description;
@@ -50,6 +51,20 @@ impl Robot {
     /// Index of the joint in the chain.
     pub fn joint_index(&self, name: &str) -> Option<usize> {
         self.joints.iter().position(|joint| joint.name == name)
+    }
+
+    /// Whether the loop, the plant and the estimators have room for its joints; a diagnosis has for more.
+    ///
+    /// # Errors
+    /// [`RobotError`] that says how many are too many.
+    pub fn check_fits_loop(&self) -> Result<(), RobotError> {
+        let count = self.joints.len();
+        if count <= JOINTS_MAX {
+            return Ok(());
+        }
+        Err(Place::new(&self.name, "").invalid(format!(
+            "the robot has {count} joints, the loop takes at most {JOINTS_MAX}; list those that are meant in [[joint]] tables, the others are held"
+        )))
     }
 
     /// The joints' names, in the chain's order.

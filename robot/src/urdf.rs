@@ -32,8 +32,7 @@ const SILENT: [(&str, &[&str]); 3] = [
 
 /// Reads the URDF's text.
 pub fn read(text: &str, file: &str) -> Result<Model, RobotError> {
-    let document = xml::parse(text, file)?;
-    let robot = Element::root(&document, file);
+    let robot = &xml::parse(text, file)?;
     if robot.tag() != "robot" {
         return Err(robot.invalid(format!(
             "not a URDF: the first element is <{}>, not <robot>",
@@ -49,7 +48,7 @@ pub fn read(text: &str, file: &str) -> Result<Model, RobotError> {
         name: robot.attribute("name").unwrap_or("robot").to_owned(),
         gravity_m_s2: None,
         bodies: Vec::new(),
-        control: None,
+        timestep_s: None,
         notes: notes(robot),
     };
     let root = tree.root()?;
@@ -71,7 +70,7 @@ pub fn read(text: &str, file: &str) -> Result<Model, RobotError> {
     Ok(model)
 }
 
-fn has_macros(robot: Element) -> bool {
+fn has_macros(robot: &Element) -> bool {
     let mut open = vec![robot];
     while let Some(element) = open.pop() {
         if element.namespace().contains("xacro") {
@@ -83,9 +82,9 @@ fn has_macros(robot: Element) -> bool {
 }
 
 /// What is repeated, and what is not read, each kind once; in the file's order.
-fn notes(robot: Element) -> Vec<String> {
+fn notes(robot: &Element) -> Vec<String> {
     let mut notes: Vec<(usize, String)> = Vec::new();
-    let mut unread: BTreeMap<(&str, &str), (usize, Element)> = BTreeMap::new();
+    let mut unread: BTreeMap<(&str, &str), (usize, &Element)> = BTreeMap::new();
     let mut open = vec![robot];
     while let Some(element) = open.pop() {
         for tag in listed(&ONCE, element.tag()) {
@@ -136,7 +135,7 @@ fn listed<'a>(table: &[(&str, &'a [&'a str])], tag: &str) -> &'a [&'a str] {
 }
 
 /// Gear ratios of the transmissions, by joint.
-fn reductions<'a>(robot: Element<'a>) -> Result<BTreeMap<&'a str, f64>, RobotError> {
+fn reductions(robot: &Element) -> Result<BTreeMap<&str, f64>, RobotError> {
     let mut ratios = BTreeMap::new();
     for transmission in robot.all("transmission") {
         let Some(joint) = transmission.child("joint") else {
@@ -152,7 +151,7 @@ fn reductions<'a>(robot: Element<'a>) -> Result<BTreeMap<&'a str, f64>, RobotErr
             .flatten()
             .find_map(|place| place.child("mechanicalReduction"));
         if let (Some(name), Some(reduction)) = (joint.attribute("name"), reduction) {
-            let values = xml::numbers(&reduction, "mechanicalReduction", reduction.text())?;
+            let values = xml::numbers(reduction, "mechanicalReduction", reduction.text())?;
             let ratio = values.first().copied().unwrap_or(1.0).abs();
             if ratio == 0.0 {
                 return Err(reduction.invalid("a reduction must not be 0"));
@@ -165,16 +164,16 @@ fn reductions<'a>(robot: Element<'a>) -> Result<BTreeMap<&'a str, f64>, RobotErr
 
 /// Links by name, and the joints below each.
 struct Tree<'a> {
-    robot: Element<'a>,
-    links: BTreeMap<&'a str, Element<'a>>,
+    robot: &'a Element,
+    links: BTreeMap<&'a str, &'a Element>,
     /// Links in the file's order.
     order: Vec<&'a str>,
-    below: BTreeMap<&'a str, Vec<(Element<'a>, &'a str)>>,
+    below: BTreeMap<&'a str, Vec<(&'a Element, &'a str)>>,
     parents: BTreeMap<&'a str, &'a str>,
 }
 
 impl<'a> Tree<'a> {
-    fn of(robot: Element<'a>) -> Result<Self, RobotError> {
+    fn of(robot: &'a Element) -> Result<Self, RobotError> {
         let mut tree = Self {
             robot,
             links: BTreeMap::new(),
@@ -207,7 +206,7 @@ impl<'a> Tree<'a> {
         Ok(tree)
     }
 
-    fn end(&self, joint: Element<'a>, tag: &'a str) -> Result<&'a str, RobotError> {
+    fn end(&self, joint: &'a Element, tag: &'a str) -> Result<&'a str, RobotError> {
         let end = joint
             .child(tag)
             .ok_or_else(|| joint.invalid(format!("<{tag} link=\"…\"/> is missing, add it")))?;
@@ -260,7 +259,7 @@ impl<'a> Tree<'a> {
     fn body(
         &self,
         link: &str,
-        through: Option<Element<'a>>,
+        through: Option<&'a Element>,
         parent: Option<usize>,
         reductions: &BTreeMap<&str, f64>,
         notes: &mut Vec<String>,
@@ -268,6 +267,7 @@ impl<'a> Tree<'a> {
         let mass = mass_properties(self.links[link], notes)?;
         let Some(joint) = through else {
             return Ok(Body {
+                place: self.links[link].place(),
                 parent,
                 origin: Isometry3::identity(),
                 joint: None,
@@ -275,6 +275,7 @@ impl<'a> Tree<'a> {
             });
         };
         Ok(Body {
+            place: self.links[link].place(),
             parent,
             origin: origin_of(joint)?,
             joint: moving_joint(joint, reductions, notes)?,
@@ -283,7 +284,7 @@ impl<'a> Tree<'a> {
     }
 }
 
-fn origin_of(element: Element) -> Result<Isometry3<f64>, RobotError> {
+fn origin_of(element: &Element) -> Result<Isometry3<f64>, RobotError> {
     let Some(origin) = element.child("origin") else {
         return Ok(Isometry3::identity());
     };
@@ -293,7 +294,7 @@ fn origin_of(element: Element) -> Result<Isometry3<f64>, RobotError> {
     ))
 }
 
-fn mass_properties(link: Element, notes: &mut Vec<String>) -> Result<MassProperties, RobotError> {
+fn mass_properties(link: &Element, notes: &mut Vec<String>) -> Result<MassProperties, RobotError> {
     let Some(inertial) = link.child("inertial") else {
         return Ok(MassProperties::none());
     };
@@ -335,7 +336,7 @@ fn mass_properties(link: Element, notes: &mut Vec<String>) -> Result<MassPropert
 
 /// `None` where the joint is fixed or taken as fixed.
 fn moving_joint(
-    joint: Element,
+    joint: &Element,
     reductions: &BTreeMap<&str, f64>,
     notes: &mut Vec<String>,
 ) -> Result<Option<Joint>, RobotError> {
@@ -379,11 +380,12 @@ fn moving_joint(
         axis: unit_axis,
         mimic,
         drive,
+        law: None,
     }))
 }
 
 /// Limits, where they mean something: many files write zeros where they know none.
-fn limits(joint: Element, drive: &mut RobotJoint) -> Result<(), RobotError> {
+fn limits(joint: &Element, drive: &mut RobotJoint) -> Result<(), RobotError> {
     let Some(limit) = joint.child("limit") else {
         return Ok(());
     };
@@ -396,7 +398,7 @@ fn limits(joint: Element, drive: &mut RobotJoint) -> Result<(), RobotError> {
     Ok(())
 }
 
-fn friction(joint: Element) -> Result<Vec<Effect>, RobotError> {
+fn friction(joint: &Element) -> Result<Vec<Effect>, RobotError> {
     let Some(dynamics) = joint.child("dynamics") else {
         return Ok(Vec::new());
     };

@@ -1,12 +1,17 @@
 //! XML elements with what errors need: file, line and name.
 
+use std::rc::Rc;
+
 use roxmltree::{Document, Node};
 
 use crate::error::{Place, RobotError};
 
+/// How deep elements may be nested: further than any robot, and not so far that following them fills a stack.
+const DEPTH_MAX: usize = 200;
+
 /// Reads the text; `file` is what errors call it.
-pub fn parse<'a>(text: &'a str, file: &str) -> Result<Document<'a>, RobotError> {
-    Document::parse(text).map_err(|error| {
+pub fn parse(text: &str, file: &str) -> Result<Element, RobotError> {
+    let document = Document::parse(text).map_err(|error| {
         if text.contains("<xacro:") {
             return refuse_xacro(file);
         }
@@ -22,7 +27,64 @@ pub fn parse<'a>(text: &'a str, file: &str) -> Result<Document<'a>, RobotError> 
             place: Box::new(place),
             what,
         }
-    })
+    })?;
+    let line_starts = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1));
+    let text = Text {
+        file: file.into(),
+        line_starts: line_starts.collect(),
+    };
+    text.element(document.root_element(), None, 0)
+}
+
+/// The text that elements come from.
+struct Text {
+    file: Rc<str>,
+    line_starts: Vec<usize>,
+}
+
+impl Text {
+    fn element(
+        &self,
+        node: Node,
+        around: Option<&str>,
+        depth: usize,
+    ) -> Result<Element, RobotError> {
+        let tag = node.tag_name().name().to_owned();
+        let start = node.range().start;
+        let label = match (node.attribute("name"), around) {
+            (Some(name), _) => format!("{tag} `{name}`"),
+            (None, Some(around)) => format!("{tag} in {around}"),
+            (None, None) => tag.clone(),
+        };
+        let attributes = node
+            .attributes()
+            .map(|attribute| (attribute.name().to_owned(), attribute.value().to_owned()));
+        let mut element = Element {
+            file: Rc::clone(&self.file),
+            line: self.line_starts.partition_point(|begin| *begin <= start),
+            label,
+            tag,
+            namespace: node.tag_name().namespace().unwrap_or("").to_owned(),
+            attributes: attributes.collect(),
+            text: node.text().unwrap_or("").trim().to_owned(),
+            children: Vec::new(),
+        };
+        if depth > DEPTH_MAX {
+            return Err(element.invalid(format!("elements are nested deeper than {DEPTH_MAX}")));
+        }
+        // an element without name is told by the nearest one around it that has one
+        let named = element.attribute("name").is_some();
+        let around = if named {
+            Some(element.label.clone())
+        } else {
+            around.map(str::to_owned)
+        };
+        for child in node.children().filter(Node::is_element) {
+            let child = self.element(child, around.as_deref(), depth + 1)?;
+            element.children.push(child);
+        }
+        Ok(element)
+    }
 }
 
 /// Macros must be expanded before anything can be read.
@@ -59,56 +121,40 @@ pub fn root_name(text: &str) -> Option<&str> {
 }
 
 /// One element of a document.
-#[derive(Clone, Copy)]
-pub struct Element<'a> {
-    pub file: &'a str,
-    node: Node<'a, 'a>,
+#[derive(Debug)]
+pub struct Element {
+    file: Rc<str>,
+    line: usize,
+    /// "joint `elbow`", or of an element without name what it is in: "limit in joint `elbow`".
+    label: String,
+    tag: String,
+    namespace: String,
+    attributes: Vec<(String, String)>,
+    text: String,
+    children: Vec<Self>,
 }
 
-impl<'a> Element<'a> {
-    pub fn root(document: &'a Document<'a>, file: &'a str) -> Self {
-        Self {
-            file,
-            node: document.root_element(),
-        }
+impl Element {
+    pub fn file(&self) -> &str {
+        &self.file
     }
 
-    pub fn tag(&self) -> &'a str {
-        self.node.tag_name().name()
+    pub fn tag(&self) -> &str {
+        &self.tag
     }
 
-    pub fn namespace(&self) -> &'a str {
-        self.node.tag_name().namespace().unwrap_or("")
+    pub fn namespace(&self) -> &str {
+        &self.namespace
     }
 
     pub fn line(&self) -> usize {
-        let position = self.node.document().text_pos_at(self.node.range().start);
-        position.row as usize
-    }
-
-    /// "joint `elbow`", or of an element without name what it is in: "limit in joint `elbow`".
-    fn label(&self) -> String {
-        match (self.attribute("name"), self.parent()) {
-            (Some(name), _) => format!("{} `{name}`", self.tag()),
-            (None, Some(parent)) if parent.attribute("name").is_some() => {
-                format!("{} in {}", self.tag(), parent.label())
-            }
-            _ => self.tag().to_owned(),
-        }
-    }
-
-    pub fn parent(&self) -> Option<Self> {
-        let node = self.node.parent_element()?;
-        Some(Self {
-            file: self.file,
-            node,
-        })
+        self.line
     }
 
     pub fn place(&self) -> Place {
         Place {
-            line: Some(self.line()),
-            ..Place::new(self.file, self.label())
+            line: Some(self.line),
+            ..Place::new(&self.file, self.label.clone())
         }
     }
 
@@ -121,32 +167,38 @@ impl<'a> Element<'a> {
         format!("{}: {words}", self.place())
     }
 
-    pub fn children(&self) -> impl DoubleEndedIterator<Item = Self> + use<'a> {
-        let file = self.file;
-        self.node
-            .children()
-            .filter(Node::is_element)
-            .map(move |node| Self { file, node })
+    /// Takes the children out, to put others in.
+    pub fn take_children(&mut self) -> Vec<Self> {
+        std::mem::take(&mut self.children)
     }
 
-    pub fn all(&self, tag: &'a str) -> impl DoubleEndedIterator<Item = Self> + use<'a> {
-        self.children().filter(move |child| child.tag() == tag)
+    pub fn put_children(&mut self, children: Vec<Self>) {
+        self.children = children;
+    }
+
+    pub fn children(&self) -> std::slice::Iter<'_, Self> {
+        self.children.iter()
+    }
+
+    pub fn all<'a>(&'a self, tag: &str) -> impl DoubleEndedIterator<Item = &'a Self> {
+        self.children.iter().filter(move |child| child.tag == tag)
     }
 
     /// The first child of this name, as readers of ROS take it.
-    pub fn child(&self, tag: &'a str) -> Option<Self> {
-        self.all(tag).next()
+    pub fn child(&self, tag: &str) -> Option<&Self> {
+        self.children.iter().find(|child| child.tag == tag)
     }
 
-    pub fn attribute(&self, key: &str) -> Option<&'a str> {
-        self.node.attribute(key)
+    pub fn attribute(&self, key: &str) -> Option<&str> {
+        let mut attributes = self.attributes.iter();
+        attributes.find_map(|(name, value)| (name == key).then_some(value.as_str()))
     }
 
-    pub fn text(&self) -> &'a str {
-        self.node.text().unwrap_or("").trim()
+    pub fn text(&self) -> &str {
+        &self.text
     }
 
-    pub fn required(&self, key: &str) -> Result<&'a str, RobotError> {
+    pub fn required(&self, key: &str) -> Result<&str, RobotError> {
         self.attribute(key)
             .ok_or_else(|| self.invalid(format!("{key} is missing, add it")))
     }

@@ -358,3 +358,32 @@ fn macros_are_refused_with_the_command_that_expands_them() {
     );
     assert!(read(&expanded).is_ok());
 }
+
+#[test]
+fn a_humanoid_has_more_joints_than_the_loop_takes() {
+    let mut urdf = "<robot name=\"many\"><link name=\"base\"/>".to_owned();
+    for index in 0..29 {
+        urdf += &format!(
+            "<link name=\"l{index}\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\"/></inertial></link>\
+             <joint name=\"q{index}\" type=\"continuous\"><parent link=\"base\"/><child link=\"l{index}\"/></joint>"
+        );
+    }
+    urdf += "</robot>";
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("many.urdf");
+    fs::write(&path, urdf).unwrap();
+    let robot = load(path.to_str().unwrap()).unwrap();
+    assert_eq!(robot.joints.len(), 29);
+    let message = robot.check_fits_loop().unwrap_err().to_string();
+    assert!(
+        message.contains("29 joints, the loop takes at most 16"),
+        "{message}"
+    );
+    assert!(
+        robot
+            .moving_only(&["q3"])
+            .unwrap()
+            .check_fits_loop()
+            .is_ok()
+    );
+}

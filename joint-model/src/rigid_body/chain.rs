@@ -4,8 +4,8 @@ use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Unit, Vector3};
 
 use super::body::{Body, bodies};
 
-/// The most links a chain may have, a humanoid with both hands; every buffer of the algorithms is sized by it.
-pub const LINKS_MAX: usize = 64;
+/// The most links a chain may have, two arms with all their fingers; every buffer of the algorithms is sized by it.
+pub const LINKS_MAX: usize = 128;
 
 /// How far an inertia may be from symmetric or from positive semidefinite, relative to its largest element:
 /// rounding of a rotated or summed inertia, and no more.
