@@ -133,6 +133,8 @@ impl Bench {
             limit_nm,
             speed_rad_s: random.between(1.2, 3.0),
             link: LinkFile {
+                parent: None,
+                kind: Default::default(),
                 joint: "joint1".to_owned(),
                 origin_m: [0.0; 3],
                 origin_rpy_rad: [0.0; 3],

@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Unit, Vector3};
 use crate::check::{self, Must};
 use crate::description::Description;
 use crate::error::{Place, RobotError};
-use crate::file::{LinkFile, RobotFile, RobotJoint, down};
+use crate::file::{LinkFile, LinkKind, RobotFile, RobotJoint, down};
 use crate::mass::{MassProperties, isometry};
 use crate::model::{Body, Joint, Model, note_of_held};
 use crate::{Control, Effect, Robot, Source};
@@ -296,18 +296,35 @@ fn ordered_control(
     Ok(control)
 }
 
-/// A serial chain, link after link.
+/// Link after link, each on the one before it unless it says otherwise.
 fn model_of_links(file: &str, links: &[LinkFile]) -> Result<Model, RobotError> {
     let bodies = links.iter().enumerate();
     Ok(Model {
         name: String::new(),
         gravity_m_s2: None,
         bodies: bodies
-            .map(|(index, link)| body(file, link, index.checked_sub(1)))
+            .map(|(index, link)| body(file, link, parent_of(file, links, index)?))
             .collect::<Result<_, _>>()?,
         timestep_s: None,
         notes: Vec::new(),
     })
+}
+
+fn parent_of(file: &str, links: &[LinkFile], index: usize) -> Result<Option<usize>, RobotError> {
+    let Some(parent) = &links[index].parent else {
+        return Ok(index.checked_sub(1));
+    };
+    let before = &links[..index];
+    match before.iter().position(|link| link.joint == *parent) {
+        Some(parent) => Ok(Some(parent)),
+        None if parent == "base" => Ok(None),
+        None => {
+            let place = Place::new(file, format!("link `{}`", links[index].joint));
+            let names = before.iter().map(|link| link.joint.clone());
+            let known: Vec<String> = names.chain(["base".to_owned()]).collect();
+            Err(place.unknown("parent among the links before it", parent, &known))
+        }
+    }
 }
 
 fn body(file: &str, link: &LinkFile, parent: Option<usize>) -> Result<Body, RobotError> {
@@ -347,7 +364,10 @@ fn body(file: &str, link: &LinkFile, parent: Option<usize>) -> Result<Body, Robo
         parent,
         origin: isometry(link.origin_m, link.origin_rpy_rad),
         joint: Some(Joint {
-            kind: JointKind::Revolute,
+            kind: match link.kind {
+                LinkKind::Revolute => JointKind::Revolute,
+                LinkKind::Prismatic => JointKind::Prismatic,
+            },
             axis,
             mimic: None,
             drive: RobotJoint::named(&link.joint),

@@ -44,7 +44,7 @@ pub struct RobotFile {
     /// What ran on the robot while it was recorded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control: Option<Control>,
-    /// The serial chain, base to tip, where there is no URDF.
+    /// The links, each after the one it hangs on, where there is no URDF and no MuJoCo model.
     #[serde(default, rename = "link", skip_serializing_if = "Vec::is_empty")]
     pub links: Vec<LinkFile>,
     /// The drives, matched to the chain by joint name. Joints of a URDF that have no table are held, but where there is no
@@ -79,12 +79,29 @@ fn direct_drive() -> f64 {
     1.0
 }
 
-/// One `[[link]]`: a moving link and the revolute joint that carries it.
+/// How a link's joint moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LinkKind {
+    /// It turns about the axis.
+    #[default]
+    Revolute,
+    /// It slides along the axis: read rad as m and Nm as N wherever the joint is meant.
+    Prismatic,
+}
+
+/// One `[[link]]`: a moving link and the joint that carries it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LinkFile {
     /// Name of the `[[joint]]` that carries the link.
     pub joint: String,
+    /// Joint of the link that this one hangs on, one of those before it, or `base`; the link before it where this is left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parent: Option<String>,
+    /// How the joint moves.
+    #[serde(default)]
+    pub kind: LinkKind,
     /// Joint frame in the parent's.
     #[serde(default)]
     pub origin_m: [f64; 3],

@@ -41,7 +41,7 @@ pub use control::{Control, ControlKind, Feedback, Feedforward};
 pub use effect::{Effect, EncoderSide};
 pub use error::{Place, RobotError, nearest};
 pub use estimators::EstimatorParameters;
-pub use file::{InertiaFile, LinkFile, RobotFile, RobotJoint};
+pub use file::{InertiaFile, LinkFile, LinkKind, RobotFile, RobotJoint};
 pub use injection::{Injection, load_injection, parse_injection};
 pub use nominal::{FrictionFull, add_friction};
 pub use parse::parse as parse_toml;

@@ -1,6 +1,7 @@
 //! Robot and injection files as people write them: accepted, or refused in one line that helps.
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
+use joint_model::rigid_body::{Chain, JointKind};
 use robot::{
     ControlKind, Effect, Robot, RobotError, RobotFile, RobotJoint, Source, load, parse_injection,
 };
@@ -125,6 +126,54 @@ fn pd_is_feedback_with_nothing_fed_forward() {
         "kind = \"pd_feedforward\"\nfeedforward = \"none\"\n{gains}"
     )));
     assert_eq!(pd.unwrap().control, same.unwrap().control);
+}
+
+#[test]
+fn links_may_slide_and_hang_on_any_link_before_them() {
+    let elbow = "joint = \"elbow\"";
+    let slide = BENCH.replacen(elbow, &format!("{elbow}\nkind = \"prismatic\""), 1);
+    let links = read(&slide).unwrap().chain.links().to_vec();
+    assert_eq!(
+        (links[1].kind, links[1].parent),
+        (JointKind::Prismatic, Some(0))
+    );
+    let on = |parent: &str| BENCH.replacen(elbow, &format!("{elbow}\nparent = \"{parent}\""), 1);
+    assert_eq!(read(&on("base")).unwrap().chain.links()[1].parent, None);
+    assert_eq!(
+        read(&on("shoulder")).unwrap().chain.links()[1].parent,
+        Some(0)
+    );
+    assert_says(
+        &read(&on("sholder")).unwrap_err().to_string(),
+        &[
+            "link `elbow`",
+            "unknown parent among the links before it `sholder`",
+            "did you mean `shoulder`?",
+        ],
+    );
+}
+
+#[test]
+fn what_resists_a_slide_is_mass() {
+    let elbow = "joint = \"elbow\"";
+    let slide = BENCH.replacen(elbow, &format!("{elbow}\nkind = \"prismatic\""), 1);
+    let coulomb = "{ effect = \"coulomb_friction\", coulomb_nm = 1.0 }";
+    let heavier = slide.replacen(
+        coulomb,
+        "{ effect = \"link_inertia\", inertia_kg_m2 = 3.0 }",
+        1,
+    );
+    let robot = read(&heavier).unwrap();
+    let force_n = |chain: &Chain| {
+        let mut force_n = [0.0; 2];
+        chain.inverse_dynamics(&[0.3, 0.1], &[0.0; 2], &[0.0, 1.0], &mut force_n);
+        let mut holding_n = [0.0; 2];
+        chain.gravity_torque(&[0.3, 0.1], &mut holding_n);
+        force_n[1] - holding_n[1]
+    };
+    // 1 kg of the link and a payload of 0.5 kg
+    assert!((force_n(&robot.chain) - 1.0).abs() < 1e-12);
+    assert!((force_n(&robot.loaded_chain().unwrap()) - 4.5).abs() < 1e-12);
 }
 
 #[test]
