@@ -42,7 +42,7 @@ impl RobotFile {
             self.joints.iter().any(|joint| joint.name == name)
                 || (means_all && !self.held.contains_key(name))
         };
-        let moving = model.links(&top, wanted, &self.held)?;
+        let moving = model.links(wanted, &self.held)?;
         let order = match_joints(&file, &moving.names, &self.joints, &model)?;
         let mut notes = std::mem::take(&mut model.notes);
         notes.extend(note_of_held(&moving.held));
@@ -360,10 +360,11 @@ fn body(file: &str, link: &LinkFile, parent: Option<usize>) -> Result<Body, Robo
             ))
         })?;
     Ok(Body {
-        place,
+        place: place.clone(),
         parent,
         origin: isometry(link.origin_m, link.origin_rpy_rad),
         joint: Some(Joint {
+            place,
             kind: match link.kind {
                 LinkKind::Revolute => JointKind::Revolute,
                 LinkKind::Prismatic => JointKind::Prismatic,

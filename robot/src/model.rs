@@ -40,6 +40,8 @@ pub struct Body {
 /// A joint that can move.
 #[derive(Clone)]
 pub struct Joint {
+    /// Where it is described.
+    pub place: Place,
     pub kind: JointKind,
     /// In the joint's frame.
     pub axis: Unit<Vector3<f64>>,
@@ -108,7 +110,6 @@ impl Model {
     /// The joints that are `wanted` with their links, and where each of the others is held.
     pub fn links(
         &self,
-        place: &Place,
         wanted: impl Fn(&str) -> bool,
         held: &BTreeMap<String, f64>,
     ) -> Result<Moving, RobotError> {
@@ -123,7 +124,7 @@ impl Model {
                     Movement::Joint(joint.kind, joint.axis)
                 }
                 Some(joint) => {
-                    let position = self.held_position(place, joint, held, 0)?;
+                    let position = self.held_position(joint, held, 0)?;
                     held_joints.push(HeldJoint {
                         name: joint.drive.name.clone(),
                         position,
@@ -192,7 +193,6 @@ impl Model {
     /// Where a joint stands that is none of the robot's.
     fn held_position(
         &self,
-        place: &Place,
         joint: &Joint,
         held: &BTreeMap<String, f64>,
         followed: usize,
@@ -206,12 +206,12 @@ impl Model {
         let leader = self.joint(&mimic.joint);
         let leader = leader.filter(|_| followed < self.bodies.len());
         let leader = leader.ok_or_else(|| {
-            place.invalid(format!(
-                "joint `{}` mimics `{}`, which is no joint that moves by itself or by another",
-                joint.drive.name, mimic.joint
+            joint.place.invalid(format!(
+                "mimics `{}`, which is no joint that moves by itself or by another",
+                mimic.joint
             ))
         })?;
-        let leading = self.held_position(place, leader, held, followed + 1)?;
+        let leading = self.held_position(leader, held, followed + 1)?;
         Ok(mimic.multiplier * leading + mimic.offset)
     }
 }

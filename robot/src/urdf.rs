@@ -376,6 +376,7 @@ fn moving_joint(
     limits(joint, &mut drive)?;
     drive.effects = friction(joint)?;
     Ok(Some(Joint {
+        place: joint.place(),
         kind,
         axis: unit_axis,
         mimic,

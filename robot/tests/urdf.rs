@@ -325,7 +325,7 @@ fn slips_about_held_joints_are_named() {
             &format!("mimic joint=\"{leader}\""),
         );
         let message = load_from(tempfile::tempdir().unwrap().path(), &urdf, robot).unwrap_err();
-        let words = format!("`finger2` mimics `{leader}`");
+        let words = format!("line 13, joint `finger2`: mimics `{leader}`");
         assert!(message.to_string().contains(&words), "{message}");
     }
 }

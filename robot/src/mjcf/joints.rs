@@ -115,6 +115,7 @@ impl<'a> Reader<'a> {
         let there = known.into_iter().filter(|(size, _)| *size > 0.0);
         drive.effects = there.map(|(_, effect)| effect).collect();
         Ok(Joint {
+            place: element.place(),
             kind,
             axis: frame.rotation * axis,
             mimic: None,

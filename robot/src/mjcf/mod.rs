@@ -55,7 +55,7 @@ pub fn read(text: &str, path: &Path) -> Result<Model, RobotError> {
     if reader.model.joints().next().is_none() {
         return Err(root.invalid("no hinge or slide joint; a robot needs at least one"));
     }
-    reader.check_names(&root)?;
+    reader.check_names()?;
     reader.compiler.total_mass(&mut reader.model);
     actuators::read(&root, &reader.classes, &mut reader.model)?;
     joints::couple(&root, &mut reader.model)?;
@@ -207,12 +207,12 @@ impl<'a> Reader<'a> {
         Ok(about_itself.seen_from(&frames::pose(&View::of(inertial), &self.compiler)?))
     }
 
-    fn check_names(&self, root: &Element) -> Result<(), RobotError> {
+    fn check_names(&self) -> Result<(), RobotError> {
         let mut names: Vec<&str> = Vec::new();
         for joint in self.model.joints() {
             let name = joint.drive.name.as_str();
             if names.contains(&name) {
-                return Err(root.invalid(format!(
+                return Err(joint.place.invalid(format!(
                     "two joints are called `{name}`; give each its own name"
                 )));
             }
