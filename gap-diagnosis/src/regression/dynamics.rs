@@ -223,12 +223,8 @@ impl Drive {
     /// Of a joint whose torque is seen there.
     pub fn of(robot: &Robot, joint: usize, source: TorqueSource) -> Self {
         let model = JointModel::nominal(robot, joint);
-        let known = known::of_joint(&model, &robot.tolerance, None);
         Self {
-            known: known
-                .into_iter()
-                .filter(|value| !value.is_positive())
-                .collect(),
+            known: known::of_joint(&model, &robot.tolerance, None),
             model,
             feels_rotor: source != TorqueSource::Sensor,
         }
@@ -244,6 +240,11 @@ impl Drive {
         let friction = &self.model.friction;
         let at = Sliding::at(1.0);
         friction.level_nm(&at) == 0.0 && friction.fluid_drag_nm(1.0) == 0.0
+    }
+
+    /// Dry friction that the file states at a speed.
+    pub fn dry_nm(&self, speed_rad_s: f64) -> f64 {
+        self.model.friction.level_nm(&Sliding::at(speed_rad_s))
     }
 
     /// Torque that the source would show.

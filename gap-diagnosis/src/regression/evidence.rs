@@ -224,12 +224,29 @@ impl Evidence {
             |sum, part| sum.plus(part, 1.0),
         );
         let prior = self.prior();
-        self.whole = Reduced::of(&total, &total, &prior, self.law_columns);
+        let lift = self.lift();
+        self.whole = Reduced::of(&total, &total, &prior, lift, self.law_columns);
         self.reduced = self
             .parts
             .iter()
-            .map(|part| Reduced::of(&total.plus(part, -1.0), part, &prior, self.law_columns))
+            .map(|part| {
+                Reduced::of(
+                    &total.plus(part, -1.0),
+                    part,
+                    &prior,
+                    lift,
+                    self.law_columns,
+                )
+            })
             .collect();
+    }
+
+    /// Prior of the laws' columns, in sums of squares: a law is as large as the gap, by one standard deviation. Two that are much larger
+    /// and cancel each other are no cause of it.
+    fn lift(&self) -> f64 {
+        let square: f64 = self.parts.iter().map(|part| part.square).sum();
+        let gap = (square / self.rows()).max(f64::MIN_POSITIVE);
+        1.0 / (self.row_precision() * gap) + ALIKE * self.rows()
     }
 
     /// Prior of the columns that are in every set, in sums of squares.
@@ -417,7 +434,7 @@ impl Evidence {
         for i in 0..others.len() {
             let place = others[i];
             beside[(i, i)] += if place < self.law_columns {
-                worth * ALIKE * self.rows()
+                worth * self.lift()
             } else {
                 let at = place - self.law_columns;
                 worth * prior[(at, at)]
@@ -556,6 +573,7 @@ impl Reduced {
         train: &Sums,
         test: &Sums,
         (prior, pull): &(DMatrix<f64>, DVector<f64>),
+        lift: f64,
         laws: usize,
     ) -> Self {
         let beside = prior.nrows();
@@ -579,7 +597,7 @@ impl Reduced {
         }
         let mut lifted = &ll - tl.transpose() * &per_law;
         for k in 0..laws {
-            lifted[(k, k)] += ALIKE * train.rows;
+            lifted[(k, k)] += lift;
         }
         let train_vector = &bl - tl.transpose() * &rest;
         let (ll, tl, tt, bl, bt) = block(test);

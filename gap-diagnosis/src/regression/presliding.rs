@@ -74,6 +74,20 @@ pub fn least<E>(
 }
 
 impl Presliding {
+    /// Two that are as likely: of the other shape, and half as long again.
+    pub fn others(&self) -> [Self; 2] {
+        [
+            Self {
+                is_gradual: !self.is_gradual,
+                ..*self
+            },
+            Self {
+                length_rad: 1.5 * self.length_rad,
+                ..*self
+            },
+        ]
+    }
+
     /// How far friction is bent along a motion, row by row: -1 to 1, and the sign of the velocity once the joint slips.
     pub fn slip(&self, motion: &JointMotion) -> Vec<f64> {
         let mut bend = motion.velocity_rad_s.first().map_or(0.0, |v| v.signum());

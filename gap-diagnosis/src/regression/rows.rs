@@ -49,8 +49,10 @@ pub struct JointRows {
     pub laws: Vec<(Law, Vec<Vec<f64>>)>,
     /// Columns of one standard deviation each, of what the file may be wrong about.
     pub tolerated: Vec<Vec<f64>>,
-    /// How the torque changes by a standard deviation of the time between its samples and the position's.
-    pub clock_nm: Vec<f64>,
+    /// Columns of one standard deviation each, of what no file tells: the time between torque and position, and how friction bends.
+    pub untold: Vec<Vec<f64>>,
+    /// Friction that bends, the file's and what is found of it.
+    pub dry_nm: f64,
     /// Columns of a payload: mass, and first moment along three axes.
     pub payload: Vec<Vec<f64>>,
     /// Columns of the base's roll and pitch.
@@ -140,6 +142,7 @@ impl JointRows {
         let mut rows = Self {
             speed_rad_s,
             presliding: bend.0,
+            dry_nm: bend.2 + drive.dry_nm(speed_rad_s),
             feeds_rate,
             mean_rad,
             inertia_kg_m2: torques[0].inertia_kg_m2[joint],
@@ -166,7 +169,7 @@ impl JointRows {
             rows.add(&drive, piece, torques, joint, &kept)?;
         }
         rows.tolerated = that_count(std::mem::take(&mut rows.tolerated));
-        rows.tolerated.push(std::mem::take(&mut rows.clock_nm));
+        rows.tolerated.append(&mut rows.untold);
         let rms = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>().sqrt();
         if rms(&rows.nominal_nm) < CARRIES * rms(&rows.measured_nm) {
             rows.laws
@@ -252,8 +255,14 @@ impl JointRows {
         join(&mut self.tilt, of_arm(&torques.tilt, joint, kept)?);
         if let Some(torque_nm) = motion.torque_nm(self.feeds_rate) {
             let smooth_nm = kept.band.limit(&torque_nm)?;
-            self.clock_nm
-                .extend(kept.raw(&clock(&smooth_nm, piece, motion)));
+            let mut untold = vec![kept.raw(&clock(&smooth_nm, piece, motion))];
+            for other in self.presliding.others() {
+                let bent = other.slip(motion);
+                let both = bent.iter().zip(&slip);
+                let apart: Vec<f64> = both.map(|(a, b)| self.dry_nm * (a - b)).collect();
+                untold.push(kept.limited(&apart)?);
+            }
+            join(&mut self.untold, untold);
             self.measured_nm.extend(kept.raw(&smooth_nm));
         }
         if let Some(command_nm) = &motion.command_nm {
@@ -281,7 +290,8 @@ fn clock(torque_nm: &[f64], piece: &Piece, motion: &JointMotion) -> Vec<f64> {
 }
 
 /// The bend that leaves least of a joint's torque beside Coulomb and viscous friction, an offset, inertia, a gain, and what the
-/// clocks may be apart; and the sum of squares that it leaves.
+/// clocks may be apart; the sum of squares that it leaves; and the dry friction beyond the
+/// file's.
 fn presliding(
     drive: &Drive,
     joint: usize,
@@ -289,10 +299,12 @@ fn presliding(
     torques: &[Torques],
     counted: &[Vec<usize>],
     feeds_rate: bool,
-) -> Result<(Presliding, f64), FilterError> {
+) -> Result<(Presliding, f64, f64), FilterError> {
     /// Rows of a piece that are looked at.
     const ROWS: usize = 2000;
-    presliding::least(|bend| {
+    let mut dry_nm = 0.0;
+    let mut least = f64::INFINITY;
+    let (bend, left) = presliding::least(|bend| {
         let mut gram = SMatrix::<f64, 6, 6>::identity() * f64::MIN_POSITIVE;
         let mut vector = SVector::<f64, 6>::zeros();
         let mut square = 0.0;
@@ -332,9 +344,18 @@ fn presliding(
                 square += gap_nm[*row].powi(2);
             }
         }
-        let solved = gram.cholesky();
-        Ok(solved.map_or(square, |solved| square - vector.dot(&solved.solve(&vector))))
-    })
+        let Some(solved) = gram.cholesky() else {
+            return Ok(square);
+        };
+        let values = solved.solve(&vector);
+        let left = square - vector.dot(&values);
+        if left < least {
+            least = left;
+            dry_nm = values[0].abs();
+        }
+        Ok(left)
+    })?;
+    Ok((bend, left, dry_nm))
 }
 
 fn of_arm(
