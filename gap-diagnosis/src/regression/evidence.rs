@@ -306,7 +306,7 @@ impl Evidence {
     /// Coulomb and viscous friction and an offset: what a joint may have whatever the arm shares.
     pub fn usual(&self) -> Names {
         let laws = self.laws.iter().enumerate();
-        laws.filter(|(_, law)| matches!(law, Law::Coulomb | Law::Viscous | Law::Offset))
+        laws.filter(|(_, law)| law.is_usual())
             .fold(0, |names, (index, _)| names | 1 << index)
     }
 

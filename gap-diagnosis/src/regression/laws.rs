@@ -109,6 +109,11 @@ impl Law {
         }
     }
 
+    /// Whether every joint may have it: friction and an offset of the torque.
+    pub fn is_usual(self) -> bool {
+        matches!(self, Self::Coulomb | Self::Viscous | Self::Offset)
+    }
+
     /// Numbers that it has.
     pub fn amplitudes(self) -> usize {
         if self == Self::Gravity { 2 } else { 1 }

@@ -131,9 +131,17 @@ impl Found<'_> {
         let shares = self.game(&best).shares();
         let weights = self.weights();
         let effects = self.effects(&fit, &shares, &weights);
-        let (mut effects, minor_effects): (Vec<NamedEffect>, Vec<NamedEffect>) = effects
-            .into_iter()
-            .partition(|effect| effect.share >= self.materiality);
+        let (effects, minor_effects): (Vec<_>, Vec<_>) =
+            effects.into_iter().partition(|(law, effect)| {
+                // what few joints have must take a part of the gap for certain
+                effect.share >= self.materiality && (law.is_usual() || effect.share_low > 0.0)
+            });
+        let [mut effects, minor_effects] = [effects, minor_effects].map(|named| {
+            let named = named.into_iter();
+            named
+                .map(|(_, effect)| effect)
+                .collect::<Vec<NamedEffect>>()
+        });
         effects.sort_by(|a, b| b.share.total_cmp(&a.share));
         let shared = self.shared.map(|_| shares.of[shares.of.len() - 1]);
         let gap_nm = self.rows.gap_nm();
@@ -166,7 +174,8 @@ impl Found<'_> {
         let torque = torque_nm.iter().map(|x| x * x).sum::<f64>() / rows;
         let leaves_structure = self.leaves_a_law && left + noise > LINEAR.powi(2) * torque;
         let verdict = if !has_names {
-            if remaining_over.is_empty() || at_floor {
+            let is_empty = best.names == 0 && remaining_over.is_empty();
+            if is_empty || at_floor {
                 Verdict::NoGap
             } else {
                 Verdict::Unexplained
@@ -213,7 +222,7 @@ impl Found<'_> {
         self.sets.iter().map(|set| odds(set) / sum).collect()
     }
 
-    fn effects(&self, fit: &Fit, shares: &Shares, weights: &[f64]) -> Vec<NamedEffect> {
+    fn effects(&self, fit: &Fit, shares: &Shares, weights: &[f64]) -> Vec<(Law, NamedEffect)> {
         let mut place = 0;
         let mut all = Vec::new();
         for (player, (law, amplitudes)) in fit.amplitudes.iter().enumerate() {
@@ -229,22 +238,23 @@ impl Found<'_> {
             place += law.amplitudes();
             let share = shares.of[player];
             let kind = law.kind();
-            let named = self.sets.iter().zip(weights).filter(|(set, _)| {
+            let with = self.sets.iter().zip(weights).filter(|(set, _)| {
                 let players = self.players(set);
                 players
                     .iter()
                     .any(|k| self.evidence.laws()[*k].kind() == kind)
             });
-            all.push(NamedEffect {
+            let named = NamedEffect {
                 effect: effect.name().to_owned(),
-                probability: named.map(|(_, weight)| weight).sum::<f64>().min(1.0),
+                probability: with.map(|(_, weight)| weight).sum::<f64>().min(1.0),
                 parameters,
                 side: None,
                 share: share.value,
                 share_low: share.low,
                 share_high: share.high,
                 shrink_alone: shares.alone[player],
-            });
+            };
+            all.push((*law, named));
         }
         all
     }
