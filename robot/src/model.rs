@@ -87,7 +87,7 @@ impl Model {
         let law = |joint: &RobotJoint| self.joint(&joint.name)?.law.as_ref();
         let mut laws = joints.iter().filter_map(law);
         let kind = laws.next()?.kind;
-        if laws.any(|law| law.kind != kind) {
+        if kind == ControlKind::Unknown || laws.any(|law| law.kind != kind) {
             return None;
         }
         let gains = |gain: fn(&Law) -> f64| {

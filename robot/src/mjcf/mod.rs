@@ -57,7 +57,8 @@ pub fn read(text: &str, path: &Path) -> Result<Model, RobotError> {
     }
     reader.check_names()?;
     reader.compiler.total_mass(&mut reader.model);
-    actuators::read(&root, &reader.classes, &mut reader.model)?;
+    let autolimits = reader.compiler.autolimits;
+    actuators::read(&root, &reader.classes, autolimits, &mut reader.model)?;
     joints::couple(&root, &mut reader.model)?;
     unread::note(&root, &mut reader.model.notes);
     Ok(reader.model)
