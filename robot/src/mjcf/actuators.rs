@@ -28,10 +28,6 @@ pub fn read(
         let gear = view.number("gear")?.unwrap_or(1.0);
         let law = law(&view)?;
         let limit_nm = limit(&view, autolimits, law.as_ref(), gear)?;
-        let names: Vec<String> = model
-            .joints()
-            .map(|joint| joint.drive.name.clone())
-            .collect();
         match joint_of(model, name) {
             Some(joint) => {
                 let limits_nm = [joint.drive.torque_limit_nm, limit_nm];
@@ -43,7 +39,7 @@ pub fn read(
                 let words = "not read: its joint is taken as fixed";
                 model.notes.push(element.note(words));
             }
-            None => return Err(element.place().unknown("joint", name, &names)),
+            None => return Err(element.place().unknown("joint", name, &model.joint_names())),
         }
     }
     note_laws(root, model);

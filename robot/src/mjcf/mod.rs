@@ -20,7 +20,7 @@ use self::classes::{Classes, View};
 use self::compiler::Compiler;
 use crate::error::RobotError;
 use crate::mass::MassProperties;
-use crate::model::{Body, Model};
+use crate::model::{BODIES_MAX, Body, Model};
 use crate::xml::Element;
 
 /// Reads the model's text; files that it includes are looked for beside `path`.
@@ -113,6 +113,9 @@ impl<'a> Reader<'a> {
         place: Place,
         class: Option<&'a str>,
     ) -> Result<(), RobotError> {
+        if self.model.bodies.len() > BODIES_MAX {
+            return Err(body.invalid(format!("more than {BODIES_MAX} bodies")));
+        }
         let mut parts = Parts::default();
         parts.gather(body, Isometry3::identity(), class, &self.compiler)?;
         let pose = place.frame * frames::pose(&View::of(body), &self.compiler)?;
