@@ -12,10 +12,12 @@ stay where they stand. Five motions of all joints each; the difference is the la
 
 import importlib.util
 import json
+import os
 import pathlib
 import re
 import subprocess
 import sys
+import tempfile
 
 import mujoco
 import numpy as np
@@ -154,7 +156,9 @@ def compare(kind, path, binary):
 
 
 def main():
-    binary = sys.argv[1]
+    binary = str(pathlib.Path(sys.argv[1]).resolve())
+    # MuJoCo leaves a log where it runs
+    os.chdir(tempfile.mkdtemp())
     prefix = pathlib.Path(pin.__file__).parents[4]
     urdfs = sorted(prefix.glob("share/example-robot-data/robots/**/*.urdf"))
     xmls = sorted(path for name in ("robosuite", "dm_control", "gymnasium") for path in package(name).rglob("*.xml"))

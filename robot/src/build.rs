@@ -33,7 +33,6 @@ impl RobotFile {
             return Err(top.invalid("name must not be empty"));
         }
         check::tolerance(&file, &self.parameter_tolerance)?;
-        check_joints(&file, &self.joints)?;
         let mut model = self.model(&file, &source)?;
         self.complete(&file, &model)?;
         // whoever writes a link by hand means its joint
@@ -130,10 +129,7 @@ impl RobotFile {
     /// Fills in what the description says and the file does not; without any `[[joint]]` table every joint that moves by
     /// itself is one.
     fn complete(&mut self, file: &str, model: &Model) -> Result<(), RobotError> {
-        let movable: Vec<String> = model
-            .joints()
-            .map(|joint| joint.drive.name.clone())
-            .collect();
+        let movable = model.joint_names();
         let place = Place::new(file, "held");
         for (name, position) in &self.held {
             if !movable.contains(name) {
@@ -151,7 +147,6 @@ impl RobotFile {
             self.joints = free
                 .filter(|drive| !self.held.contains_key(&drive.name))
                 .collect();
-            check_joints(file, &self.joints)?;
         }
         if self.joints.is_empty() || self.joints.len() > LINKS_MAX {
             let count = self.joints.len();
@@ -159,6 +154,7 @@ impl RobotFile {
                 "the robot has {count} joints of 1 to {LINKS_MAX}; list those that are meant in [[joint]] tables, the others are held"
             )));
         }
+        check_joints(file, &self.joints)?;
         for joint in &mut self.joints {
             if let Some(known) = model.joint(&joint.name) {
                 joint.fill_from(&known.drive);
@@ -264,10 +260,7 @@ fn match_joints(
     }
     if let Some(joint) = joints.iter().find(|joint| !names.contains(&joint.name)) {
         let place = Place::new(file, format!("joint `{}`", joint.name));
-        let known: Vec<String> = model
-            .joints()
-            .map(|joint| joint.drive.name.clone())
-            .collect();
+        let known = model.joint_names();
         return Err(place.unknown("joint, no link moves with", &joint.name, &known));
     }
     let position = |name: &String| {

@@ -11,6 +11,12 @@ use crate::error::{Place, RobotError};
 use crate::mass::MassProperties;
 use crate::{Control, ControlKind, Feedback, Feedforward, RobotJoint};
 
+/// More bodies than any robot has; reading would take long with many more.
+pub const BODIES_MAX: usize = 4096;
+
+/// A joint that follows one that follows one, and so on, is followed so far.
+const FOLLOWED_MAX: usize = 32;
+
 /// A robot as its description has it.
 pub struct Model {
     pub name: String,
@@ -78,6 +84,11 @@ impl Model {
         self.joints().filter(|joint| joint.mimic.is_none())
     }
 
+    pub fn joint_names(&self) -> Vec<String> {
+        let names = self.joints().map(|joint| joint.drive.name.clone());
+        names.collect()
+    }
+
     pub fn joint(&self, name: &str) -> Option<&Joint> {
         self.joints().find(|joint| joint.drive.name == name)
     }
@@ -87,7 +98,7 @@ impl Model {
         let law = |joint: &RobotJoint| self.joint(&joint.name)?.law.as_ref();
         let mut laws = joints.iter().filter_map(law);
         let kind = laws.next()?.kind;
-        if laws.any(|law| law.kind != kind) {
+        if kind == ControlKind::Unknown || laws.any(|law| law.kind != kind) {
             return None;
         }
         let gains = |gain: fn(&Law) -> f64| {
@@ -160,10 +171,7 @@ impl Model {
 
     /// Gives joints names that recordings can have in their headings, and says so.
     pub fn make_names_usable(&mut self) {
-        let names: Vec<String> = self
-            .joints()
-            .map(|joint| joint.drive.name.clone())
-            .collect();
+        let names = self.joint_names();
         for name in names.iter().filter(|name| !check::is_usable_name(name)) {
             let mut usable: String = name
                 .chars()
@@ -204,7 +212,7 @@ impl Model {
             return Ok(0.0);
         };
         let leader = self.joint(&mimic.joint);
-        let leader = leader.filter(|_| followed < self.bodies.len());
+        let leader = leader.filter(|_| followed < FOLLOWED_MAX);
         let leader = leader.ok_or_else(|| {
             joint.place.invalid(format!(
                 "mimics `{}`, which is no joint that moves by itself or by another",

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 
 use crate::error::RobotError;
 use crate::mass::{MassProperties, isometry};
-use crate::model::{Body, Joint, Mimic, Model};
+use crate::model::{BODIES_MAX, Body, Joint, Mimic, Model};
 use crate::xml::{self, Element};
 use crate::{Effect, RobotJoint};
 
@@ -187,6 +187,9 @@ impl<'a> Tree<'a> {
                 return Err(link.invalid("two links have this name; give each its own"));
             }
             tree.order.push(name);
+        }
+        if tree.order.len() > BODIES_MAX {
+            return Err(robot.invalid(format!("more than {BODIES_MAX} links")));
         }
         let mut joints: Vec<&str> = Vec::new();
         for joint in robot.all("joint") {

@@ -418,6 +418,10 @@ fn actuators_of_other_laws_leave_the_controller_unknown() {
     assert!(robot.control.is_none());
     assert!(robot.notes[0].contains("its law is not one that is read"));
     assert!(robot.notes[1].contains("it drives no joint by itself"));
+    // of a joint whose law is not known the gains are not zero
+    let mixed = control("<muscle joint=\"a\"/><motor joint=\"b\"/><motor joint=\"b\"/>");
+    assert!(mixed.control.is_none());
+    assert!(mixed.notes[1].contains("its joint has another actuator"));
     let velocity = control("<velocity joint=\"a\" kv=\"3\"/>").control.unwrap();
     assert_eq!(velocity.kind, ControlKind::VelocityPi);
     assert_eq!(velocity.derivative_nm_s_rad, [3.0, 0.0]);

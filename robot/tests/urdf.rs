@@ -387,3 +387,31 @@ fn a_humanoid_has_more_joints_than_the_loop_takes() {
             .is_ok()
     );
 }
+
+#[test]
+fn more_links_than_any_robot_has_are_refused_at_once() {
+    let links: String = (0..100_000)
+        .map(|index| format!("<link name=\"l{index}\"/>"))
+        .collect();
+    refused(
+        "</robot>",
+        &format!("{links}</robot>"),
+        "more than 4096 links",
+    );
+    // each follows the one before it
+    let mut chain = "<robot name=\"followers\"><link name=\"base\"/><link name=\"free\"/>\
+        <joint name=\"free\" type=\"continuous\"><parent link=\"base\"/><child link=\"free\"/></joint>"
+        .to_owned();
+    for index in 0..4000 {
+        chain += &format!(
+            "<link name=\"l{index}\"/><joint name=\"q{index}\" type=\"prismatic\"><parent link=\"base\"/>\
+             <child link=\"l{index}\"/><mimic joint=\"q{}\"/></joint>",
+            (index + 1) % 4000
+        );
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("followers.urdf");
+    fs::write(&path, chain + "</robot>").unwrap();
+    let message = load(path.to_str().unwrap()).unwrap_err().to_string();
+    assert!(message.contains(": mimics `q"), "{message}");
+}

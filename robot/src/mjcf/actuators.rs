@@ -7,16 +7,17 @@ use crate::error::RobotError;
 use crate::model::{Joint, Law, Model};
 use crate::xml::Element;
 
+/// MuJoCo's position actuators are not quite the law they are read as.
+const KV_IS_ON_VELOCITY: &str = "MuJoCo's kv is on the velocity; it is read as on the velocity's error, the same while the reference rests";
+
 /// Takes laws and limits of the actuators over into the joints.
-pub fn read(root: &Element, classes: &Classes, model: &mut Model) -> Result<(), RobotError> {
-    let autolimits = root
-        .all("compiler")
-        .filter_map(|compiler| compiler.attribute("autolimits"))
-        .next_back()
-        != Some("false");
-    let mut damps_velocity = None;
+pub fn read(
+    root: &Element,
+    classes: &Classes,
+    autolimits: bool,
+    model: &mut Model,
+) -> Result<(), RobotError> {
     for element in root.all("actuator").flat_map(Element::children) {
-        // a copy: views live as long as what they look at
         let view = classes.view(element, None)?;
         let name = view.attribute("joint").or(view.attribute("jointinparent"));
         let Some(name) = name else {
@@ -24,58 +25,69 @@ pub fn read(root: &Element, classes: &Classes, model: &mut Model) -> Result<(), 
             model.notes.push(element.note(words));
             continue;
         };
+        let gear = view.number("gear")?.unwrap_or(1.0);
         let law = law(&view)?;
-        let gear = view.list("gear")?.and_then(|gear| gear.first().copied());
-        let gear = gear.unwrap_or(1.0);
-        let limit = limit(&view, autolimits, law.as_ref(), gear)?;
-        let names: Vec<String> = model
-            .joints()
-            .map(|joint| joint.drive.name.clone())
-            .collect();
-        let Some(joint) = joint_of(model, name) else {
-            let known = root_has_joint(root, name);
-            if known {
-                continue;
+        let limit_nm = limit(&view, autolimits, law.as_ref(), gear)?;
+        match joint_of(model, name) {
+            Some(joint) => {
+                let limits_nm = [joint.drive.torque_limit_nm, limit_nm];
+                joint.drive.torque_limit_nm = limits_nm.into_iter().flatten().reduce(f64::min);
+                let words = commanded_by(joint, law, gear);
+                model.notes.extend(words.map(|words| element.note(words)));
             }
-            return Err(element.place().unknown("joint", name, &names));
-        };
-        let limits = [joint.drive.torque_limit_nm, limit];
-        joint.drive.torque_limit_nm = limits.into_iter().flatten().reduce(f64::min);
-        match law {
-            None => model
-                .notes
-                .push(element.note("its law is not one that is read")),
-            Some(_) if joint.law.is_some() => {
-                let words = format!("joint `{name}` has another actuator, which is the one read");
-                model.notes.push(element.note(&words));
+            None if is_of_other_kind(root, name) => {
+                let words = "not read: its joint is taken as fixed";
+                model.notes.push(element.note(words));
             }
-            Some(law) => {
-                if law.kind == ControlKind::PdFeedforward && law.derivative > 0.0 {
-                    damps_velocity.get_or_insert(element);
-                }
-                joint.law = Some(Law {
-                    proportional: law.proportional * gear * gear,
-                    derivative: law.derivative * gear * gear,
-                    ..law
-                });
-            }
+            None => return Err(element.place().unknown("joint", name, &model.joint_names())),
         }
     }
-    if let Some(element) = damps_velocity {
-        let words = "MuJoCo's kv is on the velocity; it is read as on the velocity's error, the same while the reference rests";
-        model.notes.push(element.note(words));
-    }
-    let mut kinds: Vec<ControlKind> = Vec::new();
-    for law in model.joints().filter_map(|joint| joint.law.as_ref()) {
-        if !kinds.contains(&law.kind) {
-            kinds.push(law.kind);
-        }
-    }
-    if kinds.len() > 1 {
-        let words = "actuators of several kinds; the controller is known only to robots whose joints have one";
-        model.notes.push(words.to_owned());
-    }
+    note_laws(root, model);
     Ok(())
+}
+
+/// Gives the joint its law, and says what is odd about it.
+fn commanded_by(joint: &mut Joint, law: Option<Law>, gear: f64) -> Option<&'static str> {
+    if joint.law.is_some() {
+        return Some("not read: its joint has another actuator, whose law is the one read");
+    }
+    let (law, words) = match law {
+        Some(law) => (law, None),
+        None => (
+            Law {
+                kind: ControlKind::Unknown,
+                proportional: 0.0,
+                derivative: 0.0,
+            },
+            Some("its law is not one that is read"),
+        ),
+    };
+    // the actuator's length and force are the joint's, times and over the gear
+    joint.law = Some(Law {
+        proportional: law.proportional * gear * gear,
+        derivative: law.derivative * gear * gear,
+        ..law
+    });
+    words
+}
+
+/// What is to be said of all laws together, once.
+fn note_laws(root: &Element, model: &mut Model) {
+    let laws: Vec<&Law> = model
+        .joints()
+        .filter_map(|joint| joint.law.as_ref())
+        .collect();
+    let damps = |law: &&Law| law.kind == ControlKind::PdFeedforward && law.derivative > 0.0;
+    let first = root.all("actuator").flat_map(Element::children).next();
+    let mut notes = Vec::new();
+    if let Some(element) = first.filter(|_| laws.iter().any(damps)) {
+        notes.push(element.note(KV_IS_ON_VELOCITY));
+    }
+    if laws.windows(2).any(|pair| pair[0].kind != pair[1].kind) {
+        let words = "actuators of several kinds; the controller is known only to robots whose joints have one";
+        notes.push(words.to_owned());
+    }
+    model.notes.extend(notes);
 }
 
 fn joint_of<'m>(model: &'m mut Model, name: &str) -> Option<&'m mut Joint> {
@@ -86,8 +98,8 @@ fn joint_of<'m>(model: &'m mut Model, name: &str) -> Option<&'m mut Joint> {
     joints.find(|joint| joint.drive.name == name)
 }
 
-/// Whether there is such a joint, of a kind that is taken as fixed.
-fn root_has_joint(root: &Element, name: &str) -> bool {
+/// Whether there is such a joint all the same, of a kind that is taken as fixed.
+fn is_of_other_kind(root: &Element, name: &str) -> bool {
     let mut open: Vec<&Element> = root.all("worldbody").collect();
     while let Some(element) = open.pop() {
         let is_joint = matches!(element.tag(), "joint" | "freejoint");

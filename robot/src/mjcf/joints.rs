@@ -147,11 +147,10 @@ pub fn couple(root: &Element, model: &mut Model) -> Result<(), RobotError> {
         let mut polynomial = equality.list("polycoef")?.unwrap_or(vec![0.0, 1.0]);
         polynomial.resize(5, 0.0);
         let is_line = polynomial[2..].iter().all(|factor| *factor == 0.0);
-        let all = model.bodies.iter().filter_map(|body| body.joint.as_ref());
-        let names: Vec<String> = all.map(|joint| joint.drive.name.clone()).collect();
         for name in std::iter::once(follower).chain(leader) {
-            if !names.iter().any(|known| known == name) {
-                return Err(equality.place().unknown("joint", name, &names));
+            if model.joint(name).is_none() {
+                let known = model.joint_names();
+                return Err(equality.place().unknown("joint", name, &known));
             }
         }
         let mut joints = model

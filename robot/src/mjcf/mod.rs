@@ -20,7 +20,7 @@ use self::classes::{Classes, View};
 use self::compiler::Compiler;
 use crate::error::RobotError;
 use crate::mass::MassProperties;
-use crate::model::{Body, Model};
+use crate::model::{BODIES_MAX, Body, Model};
 use crate::xml::Element;
 
 /// Reads the model's text; files that it includes are looked for beside `path`.
@@ -57,7 +57,8 @@ pub fn read(text: &str, path: &Path) -> Result<Model, RobotError> {
     }
     reader.check_names()?;
     reader.compiler.total_mass(&mut reader.model);
-    actuators::read(&root, &reader.classes, &mut reader.model)?;
+    let autolimits = reader.compiler.autolimits;
+    actuators::read(&root, &reader.classes, autolimits, &mut reader.model)?;
     joints::couple(&root, &mut reader.model)?;
     unread::note(&root, &mut reader.model.notes);
     Ok(reader.model)
@@ -112,6 +113,9 @@ impl<'a> Reader<'a> {
         place: Place,
         class: Option<&'a str>,
     ) -> Result<(), RobotError> {
+        if self.model.bodies.len() > BODIES_MAX {
+            return Err(body.invalid(format!("more than {BODIES_MAX} bodies")));
+        }
         let mut parts = Parts::default();
         parts.gather(body, Isometry3::identity(), class, &self.compiler)?;
         let pose = place.frame * frames::pose(&View::of(body), &self.compiler)?;
