@@ -6,6 +6,7 @@ use robot::{Robot, RobotJoint};
 use crate::control;
 use crate::diagnose::{self, DiagnoseError, Diagnosis, Progress};
 use crate::regression;
+use crate::report::DataFinding;
 use crate::stretch::measured;
 
 /// What the recording is held against.
@@ -55,6 +56,7 @@ impl Engine {
             })
         };
         let is_told = control::is_known(robot)
+            && robot.check_fits_loop().is_ok()
             && robot.joints.iter().all(tells_encoder)
             && robot.joints.iter().any(has_torque);
         if is_told {
@@ -76,8 +78,17 @@ pub fn diagnose(
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
     let engine = options.engine;
-    match engine.unwrap_or_else(|| Engine::for_robot(robot, recordings)) {
+    let diagnosed = match engine.unwrap_or_else(|| Engine::for_robot(robot, recordings)) {
         Engine::Motion => regression::diagnose(robot, recordings, options.materiality, progress),
         Engine::Simulation => diagnose::diagnose(robot, recordings, progress),
-    }
+    };
+    let mut diagnosis = diagnosed?;
+    let of_file = robot.notes.iter().map(|what| DataFinding {
+        joint: None,
+        severity: "note".to_owned(),
+        what: what.clone(),
+        remedy: String::new(),
+    });
+    diagnosis.report.data.extend(of_file);
+    Ok(diagnosis)
 }

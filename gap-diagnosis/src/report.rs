@@ -69,8 +69,10 @@ pub struct DataFinding {
 
 impl fmt::Display for DataFinding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let on = self.joint.as_deref().unwrap_or("the recording");
-        write!(f, "{on}: {}", self.what)?;
+        if let Some(joint) = &self.joint {
+            write!(f, "{joint}: ")?;
+        }
+        f.write_str(&self.what)?;
         match self.remedy.as_str() {
             "" => Ok(()),
             remedy => write!(f, "; {remedy}"),

@@ -27,6 +27,11 @@ pub fn diagnose(arguments: &GapDiagnoseArguments) -> Result<(), CliError> {
         .iter()
         .map(|path| super::read(path))
         .collect::<Result<Vec<_>, _>>()?;
+    let recorded: Vec<&str> = recordings
+        .iter()
+        .flat_map(|(_, recording)| recording.joint_names())
+        .collect();
+    let robot = robot.moving_only(&recorded).map_err(CliError::input)?;
     let bar = progress_bar(robot.joints.len());
     let options = Options {
         engine: arguments.engine.map(Engine::from),

@@ -225,28 +225,29 @@ impl Evidence {
         );
         let prior = self.prior();
         let lift = self.lift();
-        self.whole = Reduced::of(&total, &total, &prior, lift, self.law_columns);
+        self.whole = Reduced::of(&total, &total, &prior, &lift);
         self.reduced = self
             .parts
             .iter()
-            .map(|part| {
-                Reduced::of(
-                    &total.plus(part, -1.0),
-                    part,
-                    &prior,
-                    lift,
-                    self.law_columns,
-                )
-            })
+            .map(|part| Reduced::of(&total.plus(part, -1.0), part, &prior, &lift))
             .collect();
     }
 
-    /// Prior of the laws' columns, in sums of squares: a law is as large as the gap, by one standard deviation. Two that are much larger
-    /// and cancel each other are no cause of it.
-    fn lift(&self) -> f64 {
+    /// Prior of the laws' columns, in sums of squares: a law is as large as the gap, by one standard deviation, and no larger than is
+    /// known of its kind. Two that are much larger and cancel each other are no cause of it.
+    fn lift(&self) -> Vec<f64> {
         let square: f64 = self.parts.iter().map(|part| part.square).sum();
         let gap = (square / self.rows()).max(f64::MIN_POSITIVE);
-        1.0 / (self.row_precision() * gap) + ALIKE * self.rows()
+        let worth = self.row_precision();
+        let mut lift = vec![1.0 / (worth * gap) + ALIKE * self.rows(); self.law_columns];
+        for (law, own) in self.laws.iter().zip(&self.own) {
+            if let Some(deviation) = law.deviation() {
+                for place in own.clone() {
+                    lift[place] += (worth * (deviation * self.scale[place]).powi(2)).recip();
+                }
+            }
+        }
+        lift
     }
 
     /// Prior of the columns that are in every set, in sums of squares.
@@ -431,10 +432,11 @@ impl Evidence {
         };
         let of_shared: Vec<usize> = (from..count).collect();
         let mut beside = pick(&others, &others);
+        let lift = self.lift();
         for i in 0..others.len() {
             let place = others[i];
             beside[(i, i)] += if place < self.law_columns {
-                worth * self.lift()
+                worth * lift[place]
             } else {
                 let at = place - self.law_columns;
                 worth * prior[(at, at)]
@@ -573,9 +575,9 @@ impl Reduced {
         train: &Sums,
         test: &Sums,
         (prior, pull): &(DMatrix<f64>, DVector<f64>),
-        lift: f64,
-        laws: usize,
+        lift: &[f64],
     ) -> Self {
+        let laws = lift.len();
         let beside = prior.nrows();
         let block = |sums: &Sums| {
             let gram = &sums.gram;
@@ -596,7 +598,7 @@ impl Reduced {
             per_law = solved.solve(&tl);
         }
         let mut lifted = &ll - tl.transpose() * &per_law;
-        for k in 0..laws {
+        for (k, lift) in lift.iter().enumerate() {
             lifted[(k, k)] += lift;
         }
         let train_vector = &bl - tl.transpose() * &rest;

@@ -109,6 +109,12 @@ impl Law {
         }
     }
 
+    /// Standard deviation of its amplitude, where something is known of that before anything is seen: makers state torque constants to
+    /// a tenth, and a current sensor may be off by as much again.
+    pub fn deviation(self) -> Option<f64> {
+        (self == Self::TorqueConstant).then_some(0.2)
+    }
+
     /// Whether every joint may have it: friction and an offset of the torque.
     pub fn is_usual(self) -> bool {
         matches!(self, Self::Coulomb | Self::Viscous | Self::Offset)
