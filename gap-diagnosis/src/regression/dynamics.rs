@@ -3,7 +3,7 @@
 
 use joint_model::friction::Sliding;
 use joint_model::rigid_body::{Chain, Link};
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use robot::{Robot, Tolerance};
 
 use super::motion::{JointMotion, Piece};
@@ -31,6 +31,9 @@ pub struct Torques {
     pub links: Vec<ArmColumn>,
     /// By a payload's mass in the last link's origin, and its first moment along three axes.
     pub payload: Vec<ArmColumn>,
+    /// By what a point at the last link's x, y, z, and x and y, y and z, x and z together, adds of inertia per kilogram and square metre,
+    /// without its mass.
+    pub tip: Vec<ArmColumn>,
     /// By the base's roll and pitch.
     pub tilt: Vec<ArmColumn>,
 }
@@ -54,6 +57,10 @@ impl Torques {
             inertia_kg_m2: rows.inertia_kg_m2(chain),
             links,
             payload: payload(chain, &rows, &rigid_nm),
+            tip: tip(chain)
+                .iter()
+                .map(|changed| change(changed, 1.0))
+                .collect(),
             tilt: tilted(chain)
                 .iter()
                 .map(|changed| change(changed, 1.0 / TILT_RAD))
@@ -126,9 +133,12 @@ fn minus(changed: Vec<Vec<f64>>, from: &[Vec<f64>], factor: f64) -> Vec<Vec<f64>
     changed
 }
 
+/// Multiplies one of a link's values.
+type ChangeOfLink = fn(&mut Link, f64);
+
 /// Chains with one value of one link more by a standard deviation of its tolerance; those that no body could be are left out.
 fn tolerated(chain: &Chain, tolerance: &Tolerance) -> Vec<Chain> {
-    let changes: [(&str, fn(&mut Link, f64)); 5] = [
+    let changes: [(&str, ChangeOfLink); 5] = [
         ("mass_kg", |link, factor| link.mass_kg *= factor),
         ("centre_of_mass_m", |link, factor| {
             link.centre_of_mass_m.x *= factor;
@@ -190,6 +200,44 @@ fn payload(chain: &Chain, rows: &Rows<'_>, rigid_nm: &[Vec<f64>]) -> Vec<ArmColu
         Some(all)
     };
     columns().unwrap_or_default()
+}
+
+/// Places whose point inertias make that of any place: inertia is quadratic in the place.
+pub const TIP_PLACES_M: [[f64; 3]; 6] = [
+    [1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.0, 0.0, 1.0],
+    [1.0, 1.0, 0.0],
+    [0.0, 1.0, 1.0],
+    [1.0, 0.0, 1.0],
+];
+
+/// Weights of those places in the inertia of a point elsewhere: `J(c) = Σ x² J(x) + xy (J(x+y) - J(x) - J(y)) + …`.
+pub fn tip_weights([x, y, z]: [f64; 3]) -> [f64; 6] {
+    [
+        x * x - x * y - x * z,
+        y * y - x * y - y * z,
+        z * z - y * z - x * z,
+        x * y,
+        y * z,
+        x * z,
+    ]
+}
+
+/// Chains whose last link has the inertia of a kilogram at each of those places, and not its mass; none where one is no body.
+fn tip(chain: &Chain) -> Vec<Chain> {
+    let with = TIP_PLACES_M.map(|place_m| {
+        changed(chain, |links| {
+            if let Some(last) = links.last_mut() {
+                let centre = Vector3::from(place_m);
+                last.inertia_kg_m2 +=
+                    Matrix3::identity() * centre.norm_squared() - centre * centre.transpose();
+            }
+        })
+    });
+    with.into_iter()
+        .collect::<Option<Vec<_>>>()
+        .unwrap_or_default()
 }
 
 /// Turn of the base by which its effect is found.

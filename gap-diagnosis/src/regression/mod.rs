@@ -21,7 +21,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-use recording::Recording;
+use recording::{Recording, Signal};
 use robot::{Effect, Robot};
 
 use crate::diagnose::{
@@ -39,9 +39,8 @@ pub use told::MATERIALITY;
 use told::{Found, Said};
 use usable::Usable;
 
-/// Rounds in which joints tell each other of a shared cause: after the first, names change at few joints, after the second at none
-/// of three arms.
-const ROUNDS: usize = 3;
+/// Rounds in which joints tell each other of a shared cause: a payload's mass, centre and inertia settle to a hundredth in three.
+const ROUNDS: usize = 4;
 /// Part of the torque by which a command may differ from it without a word.
 const COMMAND_TOLD: f64 = 0.05;
 
@@ -94,6 +93,7 @@ pub fn diagnose(
             });
             usable.against[joint.index] = Some(format!("{signal} is reversed"));
         }
+        report.data.extend(untold(robot, &usable.read, &pieces));
         let (mut searched, mut shared) = searched(robot, &joints, progress);
         without_imitations(&joints, &mut searched, shared.as_ref());
         let mut said = said(robot, &joints, &searched, shared.as_ref(), materiality);
@@ -143,6 +143,45 @@ pub fn diagnose(
     Ok(Diagnosis { report, traces })
 }
 
+/// What the robot file does not state of the measurement, as lines to add to it: it is unknown, and never an effect.
+fn untold(robot: &Robot, read: &[Read], pieces: &[Piece]) -> Option<DataFinding> {
+    let piece = pieces.first()?;
+    let lines =
+        robot
+            .joints
+            .iter()
+            .zip(read)
+            .zip(&piece.joints)
+            .filter_map(|((file, read), motion)| {
+                let mut lines = Vec::new();
+                let (key, stated) = match read.position? {
+                    Signal::MotorPositionRad => (
+                        "motor_encoder_resolution_rad",
+                        file.motor_encoder_resolution_rad,
+                    ),
+                    _ => (
+                        "link_encoder_resolution_rad",
+                        file.link_encoder_resolution_rad,
+                    ),
+                };
+                if let Some(step_rad) = motion.step_rad.filter(|_| stated.is_none()) {
+                    lines.push(format!("{key} = {step_rad:.2e}"));
+                }
+                if read.torque == Some(TorqueSource::Drive) && file.torque_noise_nm == 0.0 {
+                    let noise_nm = motion.noise_nm / file.gear_ratio.abs();
+                    lines.push(format!("torque_noise_nm = {noise_nm:.1e}"));
+                }
+                (!lines.is_empty()).then(|| format!("{}: {}", file.name, lines.join(", ")))
+            });
+    let lines: Vec<String> = lines.collect();
+    (!lines.is_empty()).then(|| DataFinding {
+        joint: None,
+        severity: "note".to_owned(),
+        what: "the robot file does not state what the sensors show; that is unknown here and no effect".to_owned(),
+        remedy: format!("the recording shows, to be added to [[joint]]: {}", lines.join("; ")),
+    })
+}
+
 /// What is said of every joint.
 fn said(
     robot: &Robot,
@@ -172,15 +211,14 @@ fn said(
     .collect()
 }
 
-/// Whether a shared cause takes a part of the joints' gaps, on average and of two of them at least.
+/// Whether a shared cause takes a part of the joints' gaps, on average.
 fn matters(said: &[Said], materiality: f64) -> bool {
     let shares: Vec<f64> = said
         .iter()
         .filter_map(|said| Some(said.shared?.value))
         .collect();
     let mean = shares.iter().sum::<f64>() / shares.len().max(1) as f64;
-    let seen = shares.iter().filter(|share| **share >= materiality);
-    mean >= materiality && seen.count() >= 2
+    mean >= materiality
 }
 
 fn joints(robot: &Robot, read: &[Read], pieces: &[Piece]) -> Result<Vec<Joint>, DiagnoseError> {
@@ -212,26 +250,19 @@ impl Joint {
         &'a self,
         gap_nm: &'a [f64],
         smooth: &'a [Vec<f64>],
-        shared: Option<(Cause, &'a Message)>,
+        shared: Option<&'a Prior>,
     ) -> Problem<'a> {
-        let shared = shared.map(|(cause, message)| {
-            let columns = match cause {
-                Cause::Payload => &self.rows.payload,
-                Cause::Tilt => &self.rows.tilt,
-            };
-            (columns.as_slice(), message)
-        });
         Problem {
             gap_nm,
             laws: &self.rows.laws,
             expects_friction: self.drive.is_smooth(),
             tolerated: &self.rows.tolerated,
             smooth,
-            shared,
+            shared: shared.map(|prior| (prior.columns.as_slice(), &prior.message)),
         }
     }
 
-    fn searched(&self, shared: Option<(Cause, &Message)>) -> Searched {
+    fn searched(&self, shared: Option<&Prior>) -> Searched {
         let gap_nm = self.rows.gap_nm();
         let evidence = Evidence::of(&self.problem(&gap_nm, &[], shared));
         let sets = evidence.best(|fit| self.is_possible(fit));
@@ -244,7 +275,7 @@ impl Joint {
 
     /// Takes back names whose part of the gap a smooth law over what no name depends on explains better: the best set of the others,
     /// beside such a law, where that is ahead of the best set.
-    fn without_imitations(&self, searched: &mut Searched, shared: Option<(Cause, &Message)>) {
+    fn without_imitations(&self, searched: &mut Searched, shared: Option<&Prior>) {
         let gap_nm = self.rows.gap_nm();
         let best = searched.sets[0];
         let mut ahead: Option<(f64, Names)> = None;
@@ -349,7 +380,7 @@ impl Joint {
 fn without_imitations(joints: &[Joint], searched: &mut [Both], shared: Option<&Shared>) {
     let both = joints.iter().zip(searched).enumerate();
     both.on_all_cores(|(place, (joint, both))| {
-        let told = shared.map(|shared| (shared.cause, &shared.messages[place]));
+        let told = shared.map(|shared| &shared.priors[place]);
         let best = both.with.as_mut().unwrap_or(&mut both.alone);
         joint.without_imitations(best, told);
     })
@@ -362,11 +393,16 @@ struct Both {
     with: Option<Searched>,
 }
 
+/// A shared cause as one joint has it: its columns, and what the other joints say of their amplitudes.
+struct Prior {
+    columns: Vec<Vec<f64>>,
+    message: Message,
+}
+
 /// A cause that the arm shares.
 struct Shared {
-    cause: Cause,
-    /// What each joint's others say of it.
-    messages: Vec<Message>,
+    /// For each joint.
+    priors: Vec<Prior>,
     effect: Effect,
     std: Vec<f64>,
     joints: Vec<String>,
@@ -462,33 +498,51 @@ fn beside(
     if joints.iter().filter(sees).count() < 2 {
         return None;
     }
-    let vague = cause.prior();
-    let mut messages: Vec<Message> = joints.iter().map(|_| vague.clone()).collect();
+    let columns = |joint: &Joint, centre_m: [f64; 3]| match cause {
+        Cause::Payload => joint.rows.payload_at(centre_m),
+        Cause::Tilt => joint.rows.tilt.clone(),
+    };
+    let mut priors: Vec<Prior> = joints
+        .iter()
+        .map(|joint| Prior {
+            columns: columns(joint, [0.0; 3]),
+            message: cause.prior(),
+        })
+        .collect();
     let mut with: Vec<Searched> = Vec::new();
     let mut own: Vec<Option<Message>> = Vec::new();
     for round in 0..ROUNDS {
-        if round == 0 {
-            // names that were found without the cause may stand for it
-            own = joints
-                .iter()
-                .on_all_cores(|joint| {
+        let said = joints.iter().zip(&priors).zip(0..);
+        own = said
+            .on_all_cores(|((joint, prior), place): (_, usize)| {
+                // names that were found without the cause may stand for it
+                if round == 0 {
                     let gap_nm = joint.rows.gap_nm();
-                    let evidence =
-                        Evidence::of(&joint.problem(&gap_nm, &[], Some((cause, &vague))));
-                    evidence.message(evidence.usual())
-                })
-                .collect();
-        } else {
-            own = with
-                .iter()
-                .map(|searched| searched.evidence.message(searched.sets[0].names))
-                .collect();
-        }
-        messages = arm::others(cause, &own);
+                    let evidence = Evidence::of(&joint.problem(&gap_nm, &[], Some(prior)));
+                    return evidence.message(evidence.usual());
+                }
+                let searched = &with[place];
+                searched.evidence.message(searched.sets[0].names)
+            })
+            .collect();
+        let (said, _) = arm::all(cause, &own).said()?;
+        let centre_m = match cause {
+            Cause::Payload => [1, 2, 3].map(|k| said[k] / said[0]),
+            Cause::Tilt => [0.0; 3],
+        };
+        let messages = arm::others(cause, &own).into_iter();
+        priors = joints
+            .iter()
+            .zip(messages)
+            .map(|(joint, message)| Prior {
+                columns: columns(joint, centre_m),
+                message,
+            })
+            .collect();
         with = joints
             .iter()
-            .zip(&messages)
-            .on_all_cores(|(joint, message)| joint.searched(Some((cause, message))))
+            .zip(&priors)
+            .on_all_cores(|(joint, prior)| joint.searched(Some(prior)))
             .collect();
     }
     let nats: f64 = alone
@@ -514,8 +568,7 @@ fn beside(
     };
     let seen = joints.iter().filter(sees);
     let shared = Shared {
-        cause,
-        messages,
+        priors,
         effect,
         std: covariance
             .diagonal()

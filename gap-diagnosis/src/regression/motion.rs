@@ -44,6 +44,8 @@ pub struct JointMotion {
     pub command_nm: Option<Vec<f64>>,
     /// Noise of the torque from sample to sample, if it is alike at all frequencies.
     pub noise_nm: f64,
+    /// Step of the encoder, on the side it was read; none where the values show none.
+    pub step_rad: Option<f64>,
     /// Samples a second of the recording.
     pub recorded_hz: f64,
     /// Whether the row was measured.
@@ -216,6 +218,7 @@ fn joint(
     };
     Ok(JointMotion {
         noise_nm: torque_nm.as_deref().map_or(0.0, noise),
+        step_rad: step(&raw_rad).map(|step_rad| step_rad / scale.abs()),
         recorded_hz: rate_hz,
         velocity_rad_s: thinned(&derivative(&smooth_rad, 1.0 / rate_hz), every),
         acceleration_rad_s2: thinned(&second_derivative(&smooth_rad, 1.0 / rate_hz), every),
@@ -225,6 +228,29 @@ fn joint(
         command_nm: limited(command_nm)?,
         is_whole: is_whole.into_iter().step_by(every).collect(),
     })
+}
+
+/// The step by which values change, where nearly all changes are whole numbers of the smallest.
+fn step(values: &[f64]) -> Option<f64> {
+    /// Part of the changes that must be.
+    const NEARLY_ALL: f64 = 0.9;
+    /// How far from a whole number.
+    const WHOLE: f64 = 0.05;
+    /// Steps beyond which rounding in the file hides what is whole.
+    const STEPS: f64 = 20.0;
+    /// Changes of so few steps that are needed to tell.
+    const FEW: usize = 50;
+    let changes = values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let changes: Vec<f64> = changes.filter(|change| *change > 0.0).collect();
+    let smallest = changes.iter().copied().fold(f64::INFINITY, f64::min);
+    let few = changes.iter().map(|change| change / smallest);
+    let few: Vec<f64> = few.filter(|steps| *steps < STEPS).collect();
+    let whole = few
+        .iter()
+        .filter(|steps| (*steps - steps.round()).abs() < WHOLE)
+        .count();
+    let is_step = few.len() >= FEW && whole as f64 > NEARLY_ALL * few.len() as f64;
+    is_step.then_some(smallest)
 }
 
 /// Standard deviation of what differs from sample to sample: third differences of independent samples have 20 times their variance,

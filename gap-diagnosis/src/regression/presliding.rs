@@ -2,8 +2,8 @@
 //! Friction Model, 1968).
 //!
 //! Along a recorded motion the bend has no freedom but its length and its shape: `ds = (1 - s·sign dq)^i · dq/length`, between -1 and
-//! 1. With `i = 0` a spring gives way at once (Prandtl's elastic and plastic body), with `i = 1` bit by bit. Every joint has one and no
-//! robot file tells it, so it is found first and is no name.
+//! 1; with an exponent of 0 a spring gives way at once (Prandtl's elastic and plastic body), with 1 bit by bit. Every joint has a bend
+//! and no robot file tells it, so it is found first and is no name.
 
 use super::motion::JointMotion;
 

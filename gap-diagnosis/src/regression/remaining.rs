@@ -17,6 +17,9 @@ const CYCLES: [f64; 3] = [1.0, 2.0, 4.0];
 /// Keeps corners without rows at zero, relative to the rows' squares.
 const RIDGE: f64 = 1e-3;
 
+/// A variable, the columns over it, and where it is one number its corners and values.
+type Family<'a> = (Remains, Vec<Vec<f64>>, Option<(Vec<f64>, &'a [f64])>);
+
 /// Over which variables the rest lies, the largest share first. `left`: mean square that the names leave out; `gap`: of the whole gap,
 /// both above the noise.
 pub fn over(
@@ -27,7 +30,7 @@ pub fn over(
     [left, gap]: [f64; 2],
 ) -> Vec<RemainsOver> {
     let independent = independent_rows(rest_nm);
-    let families: [(Remains, Vec<Vec<f64>>, Option<(Vec<f64>, &[f64])>); 7] = [
+    let families: [Family<'_>; 7] = [
         hats(Remains::Position, &rows.position_rad),
         hats(Remains::Velocity, &rows.velocity_rad_s),
         hats(Remains::Load, &rows.load_nm),
@@ -65,8 +68,6 @@ pub fn over(
     found.sort_by(|a, b| b.share.total_cmp(&a.share));
     found
 }
-
-type Family<'a> = (Remains, Vec<Vec<f64>>, Option<(Vec<f64>, &'a [f64])>);
 
 fn hats(over: Remains, values: &[f64]) -> Family<'_> {
     let corners = corners(values);

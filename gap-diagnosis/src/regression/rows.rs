@@ -4,7 +4,7 @@ use joint_model::filter::FilterError;
 use nalgebra::{SMatrix, SVector};
 use robot::Robot;
 
-use super::dynamics::{ArmColumn, Drive, Torques, that_count};
+use super::dynamics::{ArmColumn, Drive, Torques, that_count, tip_weights};
 use super::laws::{Along, Law};
 use super::motion::{Band, JointMotion, Piece};
 use super::presliding::{self, Presliding};
@@ -55,6 +55,8 @@ pub struct JointRows {
     pub dry_nm: f64,
     /// Columns of a payload: mass, and first moment along three axes.
     pub payload: Vec<Vec<f64>>,
+    /// Columns of a point's inertia at the tip, place by place.
+    pub tip: Vec<Vec<f64>>,
     /// Columns of the base's roll and pitch.
     pub tilt: Vec<Vec<f64>>,
     /// Usual speed.
@@ -189,6 +191,33 @@ impl JointRows {
         both.map(|(measured, nominal)| measured - nominal).collect()
     }
 
+    /// Columns of a payload that is about at a place. Its inertia is quadratic in the first moment and inverse in the mass; as both grow
+    /// together it does too, so that its slopes alone make it (Euler), without a constant.
+    pub fn payload_at(&self, centre_m: [f64; 3]) -> Vec<Vec<f64>> {
+        let mut columns = self.payload.clone();
+        let at = tip_weights(centre_m);
+        for (place, column) in columns.iter_mut().enumerate() {
+            let weights: [f64; 6] = match place.checked_sub(1) {
+                None => at.map(|weight| -weight),
+                Some(axis) => {
+                    let mut unit = [0.0; 3];
+                    unit[axis] = 1.0;
+                    let alone = tip_weights(unit);
+                    let mut both_m = centre_m;
+                    both_m[axis] += 1.0;
+                    let both = tip_weights(both_m);
+                    std::array::from_fn(|k| both[k] - alone[k] - at[k])
+                }
+            };
+            for (tip, weight) in self.tip.iter().zip(weights) {
+                for (sum, change) in column.iter_mut().zip(tip) {
+                    *sum += weight * change;
+                }
+            }
+        }
+        columns
+    }
+
     /// Whether the torque goes against the motion: both what the rigid bodies need of it and friction have the wrong sign.
     pub fn is_reversed(&self) -> bool {
         let slip = self.laws.iter().find(|(law, _)| *law == Law::Coulomb);
@@ -199,10 +228,10 @@ impl JointRows {
         let mut vector = SVector::<f64, 4>::zeros();
         let mut squares = SVector::<f64, 4>::zeros();
         let mean_nm = self.rigid_nm.iter().sum::<f64>() / self.len().max(1) as f64;
-        for k in 0..self.len() {
+        for (k, slip) in slip.iter().enumerate() {
             let x = SVector::from([
                 self.rigid_nm[k] - mean_nm,
-                slip[k],
+                *slip,
                 self.velocity_rad_s[k],
                 1.0,
             ]);
@@ -252,6 +281,7 @@ impl JointRows {
         }
         join(&mut self.tolerated, tolerated);
         join(&mut self.payload, of_arm(&torques.payload, joint, kept)?);
+        join(&mut self.tip, of_arm(&torques.tip, joint, kept)?);
         join(&mut self.tilt, of_arm(&torques.tilt, joint, kept)?);
         if let Some(torque_nm) = motion.torque_nm(self.feeds_rate) {
             let smooth_nm = kept.band.limit(&torque_nm)?;
