@@ -1,18 +1,25 @@
 //! A table put together while its file is read, row by row.
 
 use crate::Signal;
+use crate::clock::{Clock, Instant};
 use crate::error::{Place, ReadProblem};
 use crate::table::{JointColumns, Recording, segments};
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// The rows read so far.
 #[derive(Default)]
 pub(crate) struct TableBuilder {
-    time_s: Vec<f64>,
+    times: Vec<Instant>,
+    /// The file says of times only that they are such, not in which unit.
+    unit_is_unknown: bool,
     segment: Vec<Option<i64>>,
     joints: Vec<JointBuilder>,
 }
+
+/// Where the metadata tell when a recording began whose rows were timed since 1970, in nanoseconds.
+const START: &str = "start_unix_ns";
+/// Where the metadata tell the unit that times were taken for.
+const TIME_UNIT: &str = "time_unit_guessed";
 
 struct JointBuilder {
     name: String,
@@ -23,7 +30,12 @@ struct JointBuilder {
 impl TableBuilder {
     /// How many rows were begun.
     pub(crate) fn rows(&self) -> usize {
-        self.time_s.len()
+        self.times.len()
+    }
+
+    /// That times are to be taken for the unit that they show. They are handed over as if they were seconds.
+    pub(crate) fn guess_unit_of_time(&mut self) {
+        self.unit_is_unknown = true;
     }
 
     /// The joint of that name, added if it is new.
@@ -42,22 +54,22 @@ impl TableBuilder {
     pub(crate) fn begin_row(
         &mut self,
         place: Place,
-        time_s: f64,
+        time: Instant,
         segment: Option<i64>,
     ) -> Result<(), ReadProblem> {
         let previous_segment = self.segment.last().copied().flatten();
         let segment = segment.or(previous_segment);
-        if let Some(&previous_s) = self.time_s.last()
-            && time_s < previous_s
+        if let Some(&previous) = self.times.last()
+            && time.is_before(previous)
             && segment == previous_segment
         {
             return Err(ReadProblem::TimeBackwards {
                 place,
-                previous_s,
-                time_s,
+                previous_s: previous.seconds(),
+                time_s: time.seconds(),
             });
         }
-        self.time_s.push(time_s);
+        self.times.push(time);
         self.segment.push(segment);
         Ok(())
     }
@@ -82,7 +94,7 @@ impl TableBuilder {
             });
         }
         let column = &mut joint.columns[signal as usize];
-        let row = self.time_s.len() - 1;
+        let row = self.times.len() - 1;
         column.resize(row, f64::NAN);
         column.push(value);
         Ok(())
@@ -96,25 +108,33 @@ impl TableBuilder {
     ) -> Result<Recording, ReadProblem> {
         let rows = self.rows();
         let segment = fill_segments(&self.segment);
+        let clock = Clock::new(self.times, !self.unit_is_unknown);
         let joints = self
             .joints
             .into_iter()
             .map(|joint| joint.finish(rows))
             .collect();
         let Some(sample_rate_hz) =
-            told_rate_hz.or_else(|| shown_rate_hz(&self.time_s, segment.as_deref()))
+            told_rate_hz.or_else(|| shown_rate_hz(&clock.time_s, segment.as_deref()))
         else {
             return Err(ReadProblem::SampleRateUnknown {
                 rows,
                 source_of_rate: source_of_rate(),
             });
         };
+        let start = clock.start_unix_ns.map(|start| (START, start.to_string()));
+        let unit = clock
+            .guessed_unit
+            .map(|unit| (TIME_UNIT, unit.name().to_owned()));
+        let metadata = start.into_iter().chain(unit);
         Ok(Recording {
-            time_s: self.time_s,
+            time_s: clock.time_s,
             segment,
             joints,
             sample_rate_hz,
-            metadata: BTreeMap::new(),
+            metadata: metadata
+                .map(|(key, value)| (key.to_owned(), value))
+                .collect(),
             truncated: false,
         })
     }
@@ -183,7 +203,9 @@ mod tests {
     fn table(rows: &[(f64, Option<i64>)]) -> Recording {
         let mut table = TableBuilder::default();
         for (time_s, segment) in rows {
-            table.begin_row(HERE, *time_s, *segment).unwrap();
+            table
+                .begin_row(HERE, Instant::from_s(*time_s), *segment)
+                .unwrap();
         }
         table.finish(Some(1.0), nowhere).unwrap()
     }
@@ -193,7 +215,9 @@ mod tests {
         let mut table = TableBuilder::default();
         let joint = table.joint("elbow");
         for row in 0..4 {
-            table.begin_row(HERE, f64::from(row), None).unwrap();
+            table
+                .begin_row(HERE, Instant::from_s(f64::from(row)), None)
+                .unwrap();
             let value = if row == 1 { 5.0 } else { f64::NAN };
             table
                 .set(HERE, joint, Signal::MotorTorqueNm, value)
@@ -239,9 +263,11 @@ mod tests {
         ]);
         assert_eq!(recording.segments(), [0..2, 2..4]);
         let mut table = TableBuilder::default();
-        table.begin_row(HERE, 1.0, Some(1)).unwrap();
+        table
+            .begin_row(HERE, Instant::from_s(1.0), Some(1))
+            .unwrap();
         let backwards = table
-            .begin_row(Place::Line(7), 0.5, Some(1))
+            .begin_row(Place::Line(7), Instant::from_s(0.5), Some(1))
             .unwrap_err()
             .to_string();
         assert!(
@@ -280,7 +306,7 @@ mod tests {
     fn infinity_is_not_a_measurement() {
         let mut table = TableBuilder::default();
         let joint = table.joint("elbow");
-        table.begin_row(HERE, 0.0, None).unwrap();
+        table.begin_row(HERE, Instant::from_s(0.0), None).unwrap();
         let error = table
             .set(Place::Cycle(3), joint, Signal::MotorTorqueNm, f64::INFINITY)
             .unwrap_err();

@@ -1,6 +1,7 @@
 //! What the columns of a foreign log hold, told by their names or by a mapping file.
 
 use crate::builder::TableBuilder;
+use crate::clock::{Instant, UnitsPerSecond, time_column};
 use crate::error::{Place, nearest};
 use crate::mapping::{Mapping, Source};
 use crate::{ReadProblem, Signal};
@@ -10,6 +11,8 @@ use std::path::Path;
 pub(crate) const TIME: &str = "time_s";
 /// The column of the trajectory's number.
 pub(crate) const SEGMENT: &str = "segment";
+/// The same in datasets that robots learn from.
+const EPISODE: &str = "episode_index";
 
 /// One row's fields.
 pub(crate) trait Cells {
@@ -17,6 +20,8 @@ pub(crate) trait Cells {
     fn place(&self) -> Place;
     /// NaN where the field is empty.
     fn number(&self, field: usize) -> Result<f64, ReadProblem>;
+    /// A number of that unit, or a date; `None` where the field is empty or infinite.
+    fn instant(&self, field: usize, unit: UnitsPerSecond) -> Result<Option<Instant>, ReadProblem>;
     /// `None` where the field is empty. Takes `3.0` too: some tools know floating-point columns only.
     fn integer(&self, field: usize) -> Result<Option<i64>, ReadProblem>;
 }
@@ -24,6 +29,13 @@ pub(crate) trait Cells {
 /// The integer that a floating-point number is, if it is one.
 pub(crate) fn whole(value: f64) -> Option<i64> {
     (value.fract() == 0.0 && value.abs() < 1e15).then_some(value as i64)
+}
+
+/// A column whose signal the file's format tells.
+pub(crate) struct Known {
+    pub(crate) column: usize,
+    pub(crate) joint: String,
+    pub(crate) signal: Signal,
 }
 
 /// Which field of a row becomes what.
@@ -35,7 +47,10 @@ pub(crate) struct Plan {
 }
 
 enum Time {
+    /// Scaled by anything else than a unit.
     Column(Scaled),
+    /// A clock's; of an unknown unit if there is none.
+    Clock(usize, Option<UnitsPerSecond>),
     Rate(f64),
 }
 
@@ -51,6 +66,7 @@ impl Plan {
     /// For a file with these columns and the mapping at that path.
     pub(crate) fn new(
         columns: Vec<String>,
+        known: &[Known],
         mapping: &Mapping,
         mapping_path: &Path,
     ) -> Result<Self, ReadProblem> {
@@ -59,16 +75,20 @@ impl Plan {
             header.mapped_or_named(mapping.time.as_ref(), TIME)?,
             mapping.sample_rate_hz,
         ) {
-            (Some(column), _) => Time::Column(column),
+            (Some(column), _) => Time::of(column),
             (None, Some(rate_hz)) => Time::Rate(rate_hz),
-            (None, None) => {
-                return Err(ReadProblem::NoTimeColumn {
+            (None, None) => header
+                .named_as_time()
+                .ok_or_else(|| ReadProblem::NoTimeColumn {
                     mapping: mapping_path.to_owned(),
-                });
-            }
+                })?,
         };
         let segment = header
             .mapped_or_named(mapping.segment.as_ref(), SEGMENT)?
+            .map_or_else(
+                || header.mapped_or_named(None, EPISODE),
+                |column| Ok(Some(column)),
+            )?
             .map(|column| column.field);
         let mut joints = Vec::new();
         for (name, signals) in &mapping.joints {
@@ -86,6 +106,15 @@ impl Plan {
                 );
             }
         }
+        // A column that the mapping has a use for is not used twice.
+        let mapped = mapping.joints.iter().flat_map(|(_, signals)| signals);
+        let used: Vec<&str> = mapped.map(|(_, source)| source.column.as_str()).collect();
+        for known in known {
+            if !used.contains(&columns[known.column].as_str()) {
+                let column = Scaled::as_it_is(known.column);
+                add_column(&mut joints, &known.joint, known.signal, column);
+            }
+        }
         if joints.is_empty() {
             let mapping = mapping_path.to_owned();
             return Err(ReadProblem::NoSignals { mapping, columns });
@@ -98,17 +127,25 @@ impl Plan {
         })
     }
 
-    /// Adds the joints, in the order of the mapping file, then of the columns.
-    pub(crate) fn name_joints(&self, table: &mut TableBuilder) {
+    /// Adds the joints, in the order of the mapping file, then of the columns, and says what is known of the times.
+    pub(crate) fn prepare(&self, table: &mut TableBuilder) {
+        if let Time::Clock(_, None) = self.time {
+            table.guess_unit_of_time();
+        }
         for (name, _) in &self.joints {
             table.joint(name);
         }
     }
 
+    /// How many joints.
+    pub(crate) fn joints(&self) -> usize {
+        self.joints.len()
+    }
+
     /// The fields that are read at all.
     pub(crate) fn fields(&self) -> impl Iterator<Item = usize> {
         let time = match &self.time {
-            Time::Column(column) => Some(column.field),
+            Time::Column(Scaled { field, .. }) | Time::Clock(field, _) => Some(*field),
             Time::Rate(_) => None,
         };
         let signals = self.joints.iter().flat_map(|(_, signals)| signals);
@@ -129,11 +166,19 @@ impl Plan {
             .map(|field| cells.integer(field))
             .transpose()?
             .flatten();
-        let time_s = match &self.time {
-            Time::Rate(rate_hz) => table.rows() as f64 / rate_hz,
-            Time::Column(column) => self.time_s(column, cells)?,
+        let time = match &self.time {
+            Time::Rate(rate_hz) => Instant::from_s(table.rows() as f64 / rate_hz),
+            Time::Column(column) => Instant::from_s(self.time_s(column, cells)?),
+            Time::Clock(field, unit) => {
+                let unit = unit.unwrap_or(UnitsPerSecond::SECONDS);
+                match cells.instant(*field, unit)? {
+                    Some(time) => time,
+                    // In the words for what else may be there.
+                    None => Instant::from_s(self.time_s(&Scaled::as_it_is(*field), cells)?),
+                }
+            }
         };
-        table.begin_row(place, time_s, segment)?;
+        table.begin_row(place, time, segment)?;
         for (name, signals) in &self.joints {
             let joint = table.joint(name);
             for (signal, column) in signals {
@@ -157,6 +202,15 @@ impl Plan {
                 column: column(),
                 value,
             }),
+        }
+    }
+}
+
+impl Time {
+    fn of(column: Scaled) -> Self {
+        match UnitsPerSecond::of_scale(column.scale) {
+            Some(unit) if column.offset == 0.0 => Self::Clock(column.field, Some(unit)),
+            _ => Self::Column(column),
         }
     }
 }
@@ -202,6 +256,16 @@ impl Columns<'_> {
                 Ok(Some(Scaled::as_it_is(self.index(name)?)))
             }
             None => Ok(None),
+        }
+    }
+
+    /// The only column whose name says that it holds the time.
+    fn named_as_time(self) -> Option<Time> {
+        let named = self.0.iter().enumerate();
+        let mut times = named.filter_map(|(field, name)| Some((field, time_column(name)?)));
+        match (times.next(), times.next()) {
+            (Some((field, unit)), None) => Some(Time::Clock(field, unit)),
+            _ => None,
         }
     }
 

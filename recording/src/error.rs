@@ -21,11 +21,98 @@ pub enum ReadProblem {
     /// The operating system refused.
     #[error("cannot be read: {0}")]
     Io(#[from] io::Error),
-    /// Neither MCAP nor Parquet nor CSV.
+    /// None of the formats.
     #[error(
-        "is neither an MCAP recording nor a Parquet file nor named as a CSV log is (.csv, .tsv, .txt)"
+        "is neither an MCAP recording nor a Parquet, SQLite or .npz file nor named as a CSV log is (.csv, .tsv, .txt){seems}"
     )]
-    UnknownFormat,
+    UnknownFormat {
+        /// What it looks like, and what to do.
+        seems: &'static str,
+    },
+    /// A folder of something else.
+    #[error(
+        "is a folder, but holds neither the .mcap or .db3 files of a rosbag2 nor the meta/info.json of a LeRobot dataset"
+    )]
+    UnknownFolder,
+    /// One of a bag's files.
+    #[error("its part {}: {problem}", part.display())]
+    Part {
+        /// The file.
+        part: PathBuf,
+        /// What is wrong with it.
+        problem: Box<ReadProblem>,
+    },
+    /// A SQLite file of something else.
+    #[error("is a SQLite file, but no rosbag2: it has no tables `topics` and `messages`")]
+    NotABag,
+    /// A SQLite file that cannot be read.
+    #[error("is a SQLite file that cannot be read: {}; it was cut short or damaged", one_line(.0))]
+    Sqlite(String),
+    /// A NumPy file that cannot be read.
+    #[error("is an .npz file that cannot be read: {}", one_line(.0))]
+    Npz(String),
+    /// Arrays whose columns belong to joints without names.
+    #[error(
+        "`{}` has {columns} columns, one for each joint, and {names} names of joints are told; write the names into {}, in this \
+         order: joints = [{}]", one_line(array), mapping.display(), names_to_write(*columns)
+    )]
+    UnnamedJoints {
+        /// The array's name.
+        array: String,
+        /// How many it has.
+        columns: usize,
+        /// How many there are.
+        names: usize,
+        /// The mapping file that could say.
+        mapping: PathBuf,
+    },
+    /// Columns of different lengths.
+    #[error(
+        "`{}` has {rows} rows, but `{}` {other_rows}; make them as long",
+        one_line(column),
+        one_line(other)
+    )]
+    ColumnLengths {
+        /// One column.
+        column: String,
+        /// Its length.
+        rows: usize,
+        /// The first one.
+        other: String,
+        /// Its length.
+        other_rows: usize,
+    },
+    /// Files of one log that have other columns.
+    #[error("has no column `{}`, which the files before it have", one_line(column))]
+    MissingInPart {
+        /// Its name.
+        column: String,
+    },
+    /// A LeRobot dataset whose description cannot be read.
+    #[error("its {}: {}", file.display(), one_line(what))]
+    Dataset {
+        /// The file of the dataset.
+        file: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// A bag of something else.
+    #[error(
+        "is a bag of ROS without the state of any joint: sensor_msgs/JointState, control_msgs/DynamicJointState or \
+         JointTrajectoryControllerState is read, its topics are {}{}", list(.channels), and_unreadable(*.not_decoded)
+    )]
+    NoJointStates {
+        /// Topic and type of each.
+        channels: Vec<String>,
+        /// Messages of these types that are none.
+        not_decoded: u64,
+    },
+    /// A small file that stands for a very large one.
+    #[error("unpacks to more than {bytes} bytes, as no log of its size does")]
+    UnpacksTooLarge {
+        /// That were allowed.
+        bytes: u64,
+    },
     /// Named `.mcap`, but something else.
     #[error("is not an MCAP file, in spite of its name: it does not begin as one")]
     NotMcap,
@@ -89,8 +176,8 @@ pub enum ReadProblem {
     },
     /// An MCAP file of something else.
     #[error(
-        "is an MCAP file of something else: no channel holds flexspline.JointCycle messages, its channels (with schemas) \
-         are {}; export what you want to compare as CSV or Parquet, one row per control cycle, and say in a mapping file \
+        "is an MCAP file of something else: no channel holds flexspline.JointCycle messages or joint states of ROS, its \
+         channels (with schemas) are {}; export what you want to compare as CSV or Parquet, one row per control cycle, and say in a mapping file \
          which column is which signal", list(.channels)
     )]
     NoJoints {
@@ -184,7 +271,7 @@ pub enum ReadProblem {
     },
     /// A cell that is no number.
     #[error(
-        "{place}, column `{}`: `{}` is not a number (a decimal point is expected, no unit)",
+        "{place}, column `{}`: `{}` is not a number (no unit and nothing between thousands is expected, and one decimal mark, point or comma, in the whole file)",
         one_line(column),
         one_line(cell)
     )]
@@ -414,6 +501,23 @@ pub(crate) fn nearest<'a>(
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .filter(|(similarity, _)| *similarity >= ALIKE)
         .map(|(_, candidate)| candidate.to_owned())
+}
+
+/// As many names in quotes as there are joints, the first few of many.
+fn names_to_write(joints: usize) -> String {
+    const SHOWN: usize = 3;
+    let names: Vec<String> = (1..=joints.min(SHOWN))
+        .map(|joint| format!("\"joint{joint}\""))
+        .collect();
+    let more = if joints > SHOWN { ", …" } else { "" };
+    format!("{}{more}", names.join(", "))
+}
+
+fn and_unreadable(messages: u64) -> String {
+    match messages {
+        0 => String::new(),
+        messages => format!("; {messages} messages of these types could not be decoded"),
+    }
 }
 
 fn did_you_mean(nearest: &Option<String>) -> String {

@@ -30,18 +30,21 @@
 
 mod builder;
 mod check;
+mod clock;
 mod columns;
-mod csv_log;
 mod csv_table;
 mod error;
+mod frame;
 mod guard;
 mod info;
 mod mapping;
 mod mcap_file;
 mod message;
-mod parquet_log;
+mod names;
 mod parquet_table;
+mod ros;
 mod signal;
+mod sources;
 mod statistics;
 mod table;
 mod window;
@@ -51,6 +54,7 @@ pub use check::{CheckJoint, CheckRobot, Finding, FindingKind, STILL_RAD, Severit
 pub use csv_table::write_csv;
 pub use error::{MappingProblem, Place, ReadError, ReadProblem, WriteError};
 pub use info::{JointInfo, RecordingInfo, SignalInfo, Timing, describe};
+pub use mapping::mapping_beside;
 pub use mcap_file::{McapContents, read_cycles, write_mcap};
 pub use message::{CycleRow, JointCycle, JointTruth, LoopCycle};
 pub use parquet_table::write_parquet;
@@ -59,9 +63,7 @@ pub use table::{JointColumns, MissingSignal, Recording};
 pub use window::Window;
 pub use writer::{Header, Writer};
 
-use mapping::Mapping;
-use std::fs::File;
-use std::io::Read;
+use mapping::MappingFile;
 use std::path::Path;
 
 /// The most joints a file may hold, so that a damaged one cannot ask for a table of any width.
@@ -69,75 +71,32 @@ pub const JOINTS_MAX: usize = 256;
 /// The most values of a Parquet file that are read: a few bytes of it may stand for any number of equal ones.
 pub const VALUES_MAX: usize = 1 << 29;
 
-/// Reads a recording: an MCAP file or a Parquet file, known by their first bytes, or a CSV log (`.csv`, `.tsv`,
-/// `.txt`). The columns of a log are named as [`Signal`] names them or by a mapping file beside it (`NAME.toml` for
-/// `NAME.csv` and `NAME.parquet`).
+/// Reads a recording or a log, with the mapping file beside it if there is one: `NAME.mapping.toml` for `NAME.csv`, or
+/// `NAME.toml` unless that is a robot file. What it is is told by its first bytes, then by its name: MCAP (ours, or of
+/// ROS), Parquet, SQLite or folder of rosbag2, NumPy `.npz`, a LeRobot dataset's folder, any of them compressed with
+/// Zstandard, or CSV (`.csv`, `.tsv`, `.txt`). Columns have the names of [`Signal`]s, or the mapping file names them;
+/// messages of ROS say themselves what they hold.
 ///
 /// # Errors
 /// What keeps the file from being read, with the place in it and what to change.
 pub fn read(path: &Path) -> Result<Recording, ReadError> {
-    let read = || {
-        let beside = path.with_extension("toml");
-        match Format::of(path)? {
-            Format::Mcap => mcap_file::read_table(path),
-            log => log.read(path, &Mapping::beside(&beside)?, &beside),
-        }
-    };
-    read().map_err(|problem| ReadError {
-        path: path.to_owned(),
-        problem,
-    })
+    read_with(path, None)
 }
 
-/// Reads a CSV or Parquet log with a mapping file that may lie anywhere.
+/// Reads a log with a mapping file that may lie anywhere.
 ///
 /// # Errors
-/// As [`read`]; also if there is no such mapping file, or the log is an MCAP recording, which needs none.
+/// As [`read`]; also if there is no such mapping file, or the log is a recording of ours, which needs none.
 pub fn read_mapped(path: &Path, mapping_path: &Path) -> Result<Recording, ReadError> {
-    let read = || match Format::of(path)? {
-        Format::Mcap => Err(ReadProblem::MappedMcap),
-        log => log.read(path, &Mapping::at(mapping_path)?, mapping_path),
-    };
-    read().map_err(|problem| ReadError {
-        path: path.to_owned(),
-        problem,
-    })
+    read_with(path, Some(mapping_path))
 }
 
-/// The kinds of files that are read.
-#[derive(Clone, Copy)]
-enum Format {
-    Mcap,
-    Parquet,
-    Csv,
-}
-
-impl Format {
-    fn of(path: &Path) -> Result<Self, ReadProblem> {
-        let mut start = Vec::with_capacity(mcap::MAGIC.len());
-        File::open(path)?
-            .take(mcap::MAGIC.len() as u64)
-            .read_to_end(&mut start)?;
-        if start == mcap::MAGIC {
-            return Ok(Self::Mcap);
-        }
-        if start.starts_with(parquet_log::MAGIC) {
-            return Ok(Self::Parquet);
-        }
-        let extension = path.extension().unwrap_or_default().to_string_lossy();
-        match extension.to_lowercase().as_str() {
-            "csv" | "tsv" | "txt" => Ok(Self::Csv),
-            "mcap" => Err(ReadProblem::NotMcap),
-            "parquet" => Err(ReadProblem::NotParquet),
-            _ => Err(ReadProblem::UnknownFormat),
-        }
-    }
-
-    fn read(self, path: &Path, mapping: &Mapping, at: &Path) -> Result<Recording, ReadProblem> {
-        match self {
-            Self::Mcap => mcap_file::read_table(path),
-            Self::Parquet => parquet_log::read_table(path, mapping, at),
-            Self::Csv => csv_log::read_table(path, mapping, at),
-        }
-    }
+fn read_with(path: &Path, given: Option<&Path>) -> Result<Recording, ReadError> {
+    let mapping = MappingFile { log: path, given };
+    sources::source(path)
+        .and_then(|source| source.read(path, &mapping))
+        .map_err(|problem| ReadError {
+            path: path.to_owned(),
+            problem,
+        })
 }

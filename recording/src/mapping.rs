@@ -10,17 +10,21 @@
 //! motor_torque_nm = "axis1_motor_torque_nm"
 //! ```
 //!
-//! Columns that bear the names of a recording's own need no entry.
+//! Columns that bear the names of a recording's own need no entry. Of arrays with a column for each joint (`q`, `dq`, `tau`,
+//! `q_des`, `observation.state`, …) a line with the joints' names is enough: `joints = ["axis1", "axis2"]`; a column of one
+//! is `q[0]`.
 
 use crate::columns::{SEGMENT, TIME};
 use crate::error::nearest;
 use crate::{MappingProblem, ReadProblem, Signal};
-use std::path::Path;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 const RATE: &str = "sample_rate_hz";
 const COLUMNS: &str = "columns";
 const JOINT: &str = "joint";
+const JOINTS: &str = "joints";
 const COLUMN: &str = "column";
 const SCALE: &str = "scale";
 const OFFSET: &str = "offset";
@@ -31,7 +35,41 @@ pub(crate) struct Mapping {
     pub(crate) sample_rate_hz: Option<f64>,
     pub(crate) time: Option<Source>,
     pub(crate) segment: Option<Source>,
+    /// Of the columns of arrays, in their order.
+    pub(crate) joint_names: Vec<String>,
     pub(crate) joints: Vec<(String, Vec<(Signal, Source)>)>,
+}
+
+/// Where a log's mapping is looked for.
+pub(crate) struct MappingFile<'a> {
+    pub(crate) log: &'a Path,
+    /// Instead of the one beside the log.
+    pub(crate) given: Option<&'a Path>,
+}
+
+impl MappingFile<'_> {
+    /// Whether the user named it.
+    pub(crate) fn is_given(&self) -> bool {
+        self.given.is_some()
+    }
+
+    /// The mapping, and the file it was read from or, where there is none, could be written to.
+    pub(crate) fn load(&self) -> Result<(Mapping, PathBuf), ReadProblem> {
+        if let Some(given) = self.given {
+            return Ok((Mapping::at(given)?, given.to_owned()));
+        }
+        let own = mapping_beside(self.log);
+        if !matches!(own.try_exists(), Ok(false)) {
+            return Ok((Mapping::at(&own)?, own));
+        }
+        let of_the_name = self.log.with_extension("toml");
+        match std::fs::read_to_string(&of_the_name) {
+            // Not a mapping: people name the robot's file and its log after the robot.
+            Ok(text) if is_robot_file(&text) => Ok((Mapping::default(), own)),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok((Mapping::default(), own)),
+            _ => Ok((Mapping::at(&of_the_name)?, of_the_name)),
+        }
+    }
 }
 
 /// Where a value comes from: `value = scale·x + offset`.
@@ -44,14 +82,6 @@ pub(crate) struct Source {
 }
 
 impl Mapping {
-    /// Reads the mapping file, if there is one.
-    pub(crate) fn beside(path: &Path) -> Result<Self, ReadProblem> {
-        match path.try_exists() {
-            Ok(false) => Ok(Self::default()),
-            _ => Self::at(path),
-        }
-    }
-
     /// Reads the mapping file.
     pub(crate) fn at(path: &Path) -> Result<Self, ReadProblem> {
         let text = std::fs::read_to_string(path).map_err(MappingProblem::Io);
@@ -79,7 +109,8 @@ impl Mapping {
                             .push((joint.clone(), joint_signals(&key, table(&key, signals)?)?));
                     }
                 }
-                _ => return Err(unknown(String::new(), key, [RATE, COLUMNS, JOINT])),
+                JOINTS => mapping.joint_names = names(key, value)?,
+                _ => return Err(unknown(String::new(), key, [RATE, COLUMNS, JOINT, JOINTS])),
             }
         }
         Ok(mapping)
@@ -103,6 +134,29 @@ impl Mapping {
         }
         Ok(())
     }
+}
+
+/// The mapping file that belongs to a log: `NAME.mapping.toml` beside `NAME.csv`, or beside a folder `NAME`.
+#[must_use]
+pub fn mapping_beside(log: &Path) -> PathBuf {
+    let name = if log.is_dir() {
+        log.file_name()
+    } else {
+        log.file_stem()
+    };
+    let mut name = name.unwrap_or_default().to_owned();
+    name.push(".mapping.toml");
+    log.with_file_name(name)
+}
+
+/// Whether a TOML text describes a robot: by the keys that a robot file must have, which a mapping never has. Text that
+/// is no TOML is not one.
+fn is_robot_file(text: &str) -> bool {
+    const ROBOT_KEYS: [&str; 5] = ["name", "gravity_m_s2", "urdf", "mjcf", "link"];
+    text.parse::<Table>().is_ok_and(|file| {
+        ROBOT_KEYS.iter().any(|key| file.contains_key(*key))
+            || file.get(JOINT).is_some_and(Value::is_array)
+    })
 }
 
 fn joint_signals(
@@ -153,6 +207,17 @@ fn source(key: String, value: &Value) -> Result<Source, MappingProblem> {
         column,
         scale,
         offset,
+    })
+}
+
+fn names(key: &str, value: &Value) -> Result<Vec<String>, MappingProblem> {
+    let names = value.as_array().map(|names| {
+        let names = names.iter().map(|name| name.as_str().map(str::to_owned));
+        names.collect::<Option<Vec<String>>>()
+    });
+    names.flatten().ok_or_else(|| MappingProblem::WrongValue {
+        key: key.to_owned(),
+        expected: "a list of names in quotes",
     })
 }
 
@@ -211,6 +276,25 @@ mod tests {
 
     fn refusal(text: &str) -> String {
         Mapping::parse(text).err().unwrap().to_string()
+    }
+
+    #[test]
+    fn a_robot_file_is_told_from_a_mapping() {
+        for robot in [
+            "name = 'pendulum'\n[[joint]]\nname = 'shoulder'",
+            "[[joint]]\nname = 'shoulder'",
+            "urdf = 'arm.urdf'",
+        ] {
+            assert!(is_robot_file(robot), "{robot}");
+        }
+        for other in [
+            "[joint.a]\nmotor_torque_nm = 'i'",
+            "sample_rate = 1",
+            "",
+            "name = ",
+        ] {
+            assert!(!is_robot_file(other), "{other}");
+        }
     }
 
     #[test]

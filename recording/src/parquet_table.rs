@@ -2,7 +2,7 @@
 
 use crate::columns::{SEGMENT, TIME};
 use crate::mcap_file::header;
-use crate::parquet_log::KEY_PREFIX;
+use crate::sources::PARQUET_KEY_PREFIX;
 use crate::writer::{check_joint_names, metadata};
 use crate::{Recording, WriteError};
 use parquet::basic::{Compression, Repetition, Type as Physical, ZstdLevel};
@@ -42,7 +42,7 @@ fn write_table(recording: &Recording, file: File) -> Result<(), ParquetError> {
     let pairs = metadata(&header(recording));
     let pairs = pairs
         .into_iter()
-        .map(|(key, value)| KeyValue::new(format!("{KEY_PREFIX}{key}"), value));
+        .map(|(key, value)| KeyValue::new(format!("{PARQUET_KEY_PREFIX}{key}"), value));
     let properties = WriterProperties::builder()
         .set_compression(Compression::ZSTD(ZstdLevel::default()))
         .set_created_by(concat!("flexspline ", env!("CARGO_PKG_VERSION")).to_owned())

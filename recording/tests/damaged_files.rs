@@ -124,17 +124,15 @@ fn a_foreign_mcap_file_is_told_by_its_channels() {
     let path = folder.path().join("foreign.mcap");
     let mut writer = mcap::Writer::new(std::fs::File::create(&path).unwrap()).unwrap();
     let schema = writer
-        .add_schema("sensor_msgs/JointState", "ros2msg", b"")
+        .add_schema("sensor_msgs/Image", "ros2msg", b"")
         .unwrap();
     writer
-        .add_channel(schema, "/joint_states", "cdr", &BTreeMap::new())
+        .add_channel(schema, "/camera", "cdr", &BTreeMap::new())
         .unwrap();
     writer.finish().unwrap();
     let error = read(&path).unwrap_err().to_string();
     assert!(
-        error.contains(
-            "its channels (with schemas) are `/joint_states (sensor_msgs/JointState)`; export"
-        ),
+        error.contains("its channels (with schemas) are `/camera (sensor_msgs/Image)`; export"),
         "{error}"
     );
 }

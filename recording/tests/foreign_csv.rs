@@ -65,6 +65,25 @@ fn a_mapping_scales_and_shifts() {
 }
 
 #[test]
+fn a_robot_file_of_the_logs_name_is_no_mapping_and_a_mapping_of_its_own_name_goes_first() {
+    let log = Log::new("time_s,j.motor_torque_nm,raw\n0,1,3\n1,1,3\n")
+        .mapped("name = 'arm'\n[[joint]]\nname = 'j'\ngear_ratio = 100.0\n");
+    let torque_nm = |log: &Log| log.read().signal("j", Signal::MotorTorqueNm).unwrap()[0];
+    assert_eq!(torque_nm(&log), 1.0);
+    let own = log.0.path().join("log.mapping.toml");
+    assert_eq!(
+        recording::mapping_beside(&log.0.path().join("log.csv")),
+        own
+    );
+    std::fs::write(own, "[joint.j]\nmotor_torque_nm = 'raw'").unwrap();
+    assert_eq!(torque_nm(&log), 3.0);
+    assert_eq!(
+        torque_nm(&log.mapped("[joint.j]\nmotor_torque_nm = 'none'")),
+        3.0
+    );
+}
+
+#[test]
 fn a_mapping_adds_to_the_columns_that_have_their_names_and_wins_over_them() {
     let log = Log::new("time_s,j.motor_torque_nm,j.motor_current_a,raw\n0,1,2,3\n1,1,2,3\n")
         .mapped("[joint.j]\nmotor_current_a = 'raw'");
@@ -106,13 +125,131 @@ fn other_separators_line_ends_marks_and_quotes_are_taken_as_they_come() {
     assert_eq!(latin_1.read().rows(), 2);
 }
 
+/// Three rows at 500 Hz as `clock` writes their times, in milliseconds, and their values with a decimal mark.
+fn pendulum(header: &str, separator: &str, mark: &str, clock: impl Fn(u32) -> String) -> String {
+    let mut text = format!("{header}{separator}j.link_position_rad{separator}j.motor_torque_nm\n");
+    for (row, (angle, torque)) in [("0", "-1.5"), ("0.25", "2e-1"), ("0.5", "")]
+        .iter()
+        .enumerate()
+    {
+        let [time, angle, torque] =
+            [&clock(2 * row as u32), *angle, *torque].map(|cell| cell.replace('.', mark));
+        text += &format!("{time}{separator}{angle}{separator}{torque}\n");
+    }
+    text
+}
+
+#[test]
+fn the_same_rows_are_the_same_recording_however_they_are_written() {
+    let plain = Log::new(pendulum("time_s", ",", ".", |ms| format!("0.{ms:03}"))).read();
+    assert_eq!(plain.time_s, [0.0, 0.002, 0.004]);
+    let since_start: [(&str, String); 7] = [
+        (
+            "a German spreadsheet",
+            pendulum("time_s", ";", ",", |ms| format!("0.{ms:03}")),
+        ),
+        (
+            "tabs and a decimal comma",
+            pendulum("time_s", "\t", ",", |ms| format!("0.{ms:03}")),
+        ),
+        (
+            "milliseconds",
+            pendulum("time_ms", ",", ".", |ms| ms.to_string()),
+        ),
+        (
+            "microseconds that nothing tells",
+            pendulum("timestamp", ",", ".", |ms| format!("{ms}000")),
+        ),
+        (
+            "nanoseconds",
+            pendulum("t [ns]", ",", ".", |ms| format!("{ms}000000")),
+        ),
+        (
+            "a mark, line ends of another system and comments",
+            "\u{feff}# robot 3\r\n% calibrated\r\n".to_owned()
+                + &pendulum("time_s", ",", ".", |ms| format!("0.{ms:03}"))
+                    .replace('\n', "\r\n# and\r\n"),
+        ),
+        (
+            "names in a comment",
+            "# run 7\n# ".to_owned() + &pendulum("time_s", ",", ".", |ms| format!("0.{ms:03}")),
+        ),
+    ];
+    for (kind, text) in since_start {
+        let recording = Log::new(text).read();
+        assert!(recording.same_table(&plain), "{kind}: {recording:?}");
+    }
+    let since_1970: [(&str, String); 7] = [
+        (
+            "seconds",
+            pendulum("time_s", ",", ".", |ms| format!("1700000000.{ms:03}")),
+        ),
+        (
+            "seconds that nothing tells",
+            pendulum("t", ";", ",", |ms| format!("1700000000.{ms:03}")),
+        ),
+        (
+            "milliseconds",
+            pendulum("time", ",", ".", |ms| format!("1700000000{ms:03}")),
+        ),
+        (
+            "microseconds",
+            pendulum("stamp_us", ",", ".", |ms| format!("1700000000{ms:03}000")),
+        ),
+        (
+            "nanoseconds",
+            pendulum("stamp", ",", ".", |ms| format!("1700000000{ms:03}000000")),
+        ),
+        (
+            "dates",
+            pendulum("time", ",", ".", |ms| {
+                format!("2023-11-14T22:13:20.{ms:03}Z")
+            }),
+        ),
+        (
+            "local dates",
+            pendulum("time_s", ",", ".", |ms| {
+                format!("2023-11-15 00:13:20.{ms:03}+02:00")
+            }),
+        ),
+    ];
+    for (kind, text) in since_1970 {
+        let recording = Log::new(text).read();
+        assert!(recording.same_table(&plain), "{kind}: {recording:?}");
+        assert_eq!(
+            recording.metadata["start_unix_ns"], "1700000000000000000",
+            "{kind}"
+        );
+    }
+}
+
+#[test]
+fn nanoseconds_of_a_clock_since_1970_are_kept() {
+    let log = Log::new("t,j.motor_torque_nm\n1700000000.000000001,1\n1700000000.000000004,1\n");
+    assert_eq!(log.read().time_s, [0.0, 4e-9 - 1e-9]);
+    let mapped = Log::new("t,j.motor_torque_nm\n1700000000000000001,1\n1700000000000000004,1\n")
+        .mapped("[columns]\ntime_s = { column = 't', scale = 1e-9 }");
+    assert_eq!(mapped.read().time_s, [0.0, 4e-9 - 1e-9]);
+}
+
+#[test]
+fn a_file_has_one_decimal_mark() {
+    let text = "time_s;j.motor_torque_nm\n0,0;1,5\n0,1;1.234,5\n";
+    assert!(
+        Log::new(text)
+            .refusal()
+            .starts_with("line 3, column `j.motor_torque_nm`: `1.234,5`")
+    );
+}
+
 #[test]
 fn refusals_say_where_and_what_to_change() {
     let header = "time_s,segment,j.motor_torque_nm\n";
     let refusal = |lines: &str| Log::new(header.to_owned() + lines).refusal();
     assert_eq!(
         refusal("0,0,1\n1,0,1.5 Nm\n"),
-        "line 3, column `j.motor_torque_nm`: `1.5 Nm` is not a number (a decimal point is expected, no unit)"
+        "line 3, column `j.motor_torque_nm`: `1.5 Nm` is not a number (no unit and nothing between \
+         thousands is expected, and one decimal mark, point or comma, in the whole file)"
     );
     assert!(
         refusal("0,0,1\n1,0.5,1\n")
@@ -131,7 +268,7 @@ fn refusals_say_where_and_what_to_change() {
     );
     assert!(refusal("0,0,1\n1,0,inf\n").starts_with("line 3: j.motor_torque_nm is inf"));
     assert!(refusal("0,0,1\n").starts_with(
-        "has 1 rows, from which no sample rate can be told; give `sample_rate_hz` in log.toml"
+        "has 1 rows, from which no sample rate can be told; give `sample_rate_hz` in log.mapping.toml"
     ));
     assert!(Log::new("").refusal().starts_with("is empty"));
     assert!(
@@ -142,11 +279,11 @@ fn refusals_say_where_and_what_to_change() {
     assert!(
         Log::new("j.motor_torque_nm\n1\n")
             .refusal()
-            .starts_with("has no column `time_s`; name the time column in log.toml")
+            .starts_with("has no column `time_s`; name the time column in log.mapping.toml")
     );
     assert_eq!(
         Log::new("time_s,q\n0,1\n").refusal(),
-        "no column is named JOINT.SIGNAL, and log.toml does not say which column is which signal; \
+        "no column is named JOINT.SIGNAL, and log.mapping.toml does not say which column is which signal; \
          its columns are `time_s`, `q`"
     );
     let twice = Log::new("time_s,q,q\n0,1,2\n").mapped("[joint.j]\nmotor_torque_nm = 'q'");

@@ -42,6 +42,9 @@ pub struct GapDiagnoseArguments {
     /// The robot: recording, or CSV or Parquet log with its mapping file beside it; may be given again
     #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
     pub recording: Vec<PathBuf>,
+    /// Which column is which signal, for all recordings; NAME.mapping.toml beside each if not given
+    #[arg(long, value_name = "FILE")]
+    pub mapping: Option<PathBuf>,
     /// Folder for report.json and report.html
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,

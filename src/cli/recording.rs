@@ -7,13 +7,14 @@ use clap::{Args, Subcommand};
 /// `flexspline recording`
 #[derive(Debug, Subcommand)]
 #[command(after_help = "\
-A recording is an MCAP file of `run`, or a CSV or Parquet file with one row per control cycle. Columns are named
-JOINT.SIGNAL, or a mapping file NAME.toml beside NAME.csv says which column is which signal.
+A recording is an MCAP file of `run`, a bag of ROS, a LeRobot dataset, or a CSV, Parquet or .npz file with one row per
+control cycle. Columns are named JOINT.SIGNAL, or a mapping file, NAME.mapping.toml beside NAME.csv, says which column is
+which signal.
 Exit code: 0 done, 1 `info --robot` found errors or the twin stopped for safety, 2 bad input.")]
 pub enum RecordingCommand {
     /// Print what is in recordings, how good it is, and what it cannot support
     Info(RecordingInfoArguments),
-    /// Turn a CSV or Parquet log into an MCAP recording
+    /// Turn a log into an MCAP recording
     Import(RecordingImportArguments),
     /// Write a recording, or a part of it, as CSV, Parquet or MCAP
     Export(RecordingExportArguments),
@@ -30,6 +31,9 @@ pub struct RecordingInfoArguments {
     /// Robot to check them against: pa10, shd17, or a robot file
     #[arg(long, value_name = "NAME|FILE")]
     pub robot: Option<String>,
+    /// Which column is which signal; NAME.mapping.toml beside the log if not given
+    #[arg(long, value_name = "FILE")]
+    pub mapping: Option<PathBuf>,
     /// Where to write the same as JSON; - for standard output
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
@@ -38,9 +42,9 @@ pub struct RecordingInfoArguments {
 /// `flexspline recording import`
 #[derive(Debug, Args)]
 pub struct RecordingImportArguments {
-    /// CSV or Parquet log
+    /// Log: CSV, Parquet, .npz, rosbag2, LeRobot dataset
     pub file: PathBuf,
-    /// Which column is which signal; NAME.toml beside the log if not given
+    /// Which column is which signal; NAME.mapping.toml beside the log if not given
     #[arg(long, value_name = "FILE")]
     pub mapping: Option<PathBuf>,
     /// Recording to write
@@ -53,6 +57,9 @@ pub struct RecordingImportArguments {
 pub struct RecordingExportArguments {
     /// Recording
     pub file: PathBuf,
+    /// Which column is which signal; NAME.mapping.toml beside the log if not given
+    #[arg(long, value_name = "FILE")]
+    pub mapping: Option<PathBuf>,
     /// File to write: .csv, .parquet or .mcap
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
@@ -72,6 +79,9 @@ pub struct RecordingExportArguments {
 pub struct RecordingSimulateArguments {
     /// Recording whose reference is followed
     pub file: PathBuf,
+    /// Which column is which signal; NAME.mapping.toml beside the log if not given
+    #[arg(long, value_name = "FILE")]
+    pub mapping: Option<PathBuf>,
     /// Robot: pa10, shd17, or a robot file
     #[arg(long, value_name = "NAME|FILE")]
     pub robot: String,

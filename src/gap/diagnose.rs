@@ -25,7 +25,7 @@ pub fn diagnose(arguments: &GapDiagnoseArguments) -> Result<(), CliError> {
     let recordings = arguments
         .recording
         .iter()
-        .map(|path| super::read(path))
+        .map(|path| super::read_mapped(path, arguments.mapping.as_deref()))
         .collect::<Result<Vec<_>, _>>()?;
     let recorded: Vec<&str> = recordings
         .iter()

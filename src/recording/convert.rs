@@ -20,12 +20,7 @@ type Write = fn(&Recording, &Path) -> Result<(), WriteError>;
 /// # Errors
 /// [`CliError::Input`] if the log cannot be read or the recording not written.
 pub fn import(arguments: &RecordingImportArguments) -> Result<(), CliError> {
-    let mut table = match &arguments.mapping {
-        Some(mapping) => {
-            recording::read_mapped(&arguments.file, mapping).map_err(CliError::input)?
-        }
-        None => read(&arguments.file)?,
-    };
+    let mut table = read(&arguments.file, arguments.mapping.as_deref())?;
     let name = arguments.file.file_name().unwrap_or_default();
     table
         .metadata
@@ -55,7 +50,7 @@ pub fn export(arguments: &RecordingExportArguments) -> Result<(), CliError> {
             )));
         }
     };
-    let table = read(&arguments.file)?;
+    let table = read(&arguments.file, arguments.mapping.as_deref())?;
     let (from_s, to_s) = (arguments.from, arguments.to);
     let part = table
         .part(from_s, to_s, &arguments.joint)

@@ -34,7 +34,7 @@ pub fn info(arguments: &RecordingInfoArguments) -> Result<(), CliError> {
     };
     let mut all = Vec::new();
     for file in &arguments.files {
-        let table = read(file)?;
+        let table = read(file, arguments.mapping.as_deref())?;
         all.push(Described {
             schema: 1,
             file: file.clone(),

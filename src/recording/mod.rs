@@ -24,8 +24,16 @@ pub fn recording(command: &RecordingCommand) -> Result<(), CliError> {
     }
 }
 
-fn read(path: &Path) -> Result<Recording, CliError> {
-    recording::read(path).map_err(CliError::input)
+/// A recording, read with that mapping file or else the one beside it.
+///
+/// # Errors
+/// [`CliError::Input`] for a file that cannot be read.
+pub fn read(path: &Path, mapping: Option<&Path>) -> Result<Recording, CliError> {
+    let recording = match mapping {
+        Some(mapping) => recording::read_mapped(path, mapping),
+        None => recording::read(path),
+    };
+    recording.map_err(CliError::input)
 }
 
 /// A table that could not be written; the file is called as it was asked for.

@@ -24,7 +24,7 @@ const PLANT: &str = "nominal";
 /// [`CliError::Input`] if there is no reference to follow, [`CliError::Negative`] if the twin stops for safety.
 pub fn simulate(arguments: &RecordingSimulateArguments) -> Result<(), CliError> {
     let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
-    let table = read(&arguments.file)?;
+    let table = read(&arguments.file, arguments.mapping.as_deref())?;
     let refuse =
         |reason: String| CliError::Input(format!("{}: {reason}", arguments.file.display()));
     let runs: Vec<Run> = table

@@ -1,9 +1,13 @@
 //! MCAP recordings read back, whole or as far as a killed recorder came, and tables written as MCAP.
 
+mod bag;
 mod records;
 mod rows;
 
+pub(crate) use bag::{is_bag, read_bag};
+
 use crate::builder::TableBuilder;
+use crate::clock::{Instant, UnitsPerSecond};
 use crate::error::Place;
 use crate::writer::{METADATA, METADATA_JOINTS, told_rate_hz};
 use crate::{
@@ -104,7 +108,8 @@ pub(crate) fn read_table(path: &Path) -> Result<Recording, ReadProblem> {
         table.joint(name);
     }
     let mut recording = table.finish(contents.sample_rate_hz, || path.to_owned())?;
-    recording.metadata = contents.metadata;
+    // What the recorder wrote goes before what is found here.
+    recording.metadata.extend(contents.metadata);
     recording.truncated = contents.truncated;
     Ok(recording)
 }
@@ -116,7 +121,12 @@ fn add_row(
 ) -> Result<(), ReadProblem> {
     let place = Place::Cycle(row.cycle);
     let segment = row.joints.iter().find_map(|joint| joint.segment);
-    table.begin_row(place, row.time_ns as f64 / 1e9, segment)?;
+    let time_ns = i64::try_from(row.time_ns).unwrap_or(i64::MAX);
+    table.begin_row(
+        place,
+        Instant::from_integer(time_ns, UnitsPerSecond::NANOSECONDS),
+        segment,
+    )?;
     for (name, joint) in joint_names.iter().zip(row.joints) {
         let column = table.joint(name);
         for signal in Signal::ALL {

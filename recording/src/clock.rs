@@ -1,0 +1,381 @@
+//! Times as logs have them: seconds, milliseconds, microseconds or nanoseconds, since the start or since 1970, or a date.
+//!
+//! Seconds since 1970 in one floating-point number are 0.24 µs apart, so whole seconds and the part of a second are kept
+//! separately until the first row's time was taken off.
+
+/// Times later than this, in seconds, are since 1970: the least is in 1973, and no machine has run for three years.
+const SINCE_1970_S: f64 = 1e8;
+
+/// How many of its unit are one second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct UnitsPerSecond(pub(crate) u8);
+
+impl UnitsPerSecond {
+    pub(crate) const SECONDS: Self = Self(0);
+    pub(crate) const MILLISECONDS: Self = Self(3);
+    pub(crate) const MICROSECONDS: Self = Self(6);
+    pub(crate) const NANOSECONDS: Self = Self(9);
+
+    /// The unit by which a factor turns a number into seconds.
+    pub(crate) fn of_scale(scale: f64) -> Option<Self> {
+        [
+            (1.0, Self::SECONDS),
+            (1e-3, Self::MILLISECONDS),
+            (1e-6, Self::MICROSECONDS),
+            (1e-9, Self::NANOSECONDS),
+        ]
+        .into_iter()
+        .find_map(|(factor, unit)| (factor == scale).then_some(unit))
+    }
+
+    pub(crate) fn name(self) -> &'static str {
+        match self.0 {
+            0 => "seconds",
+            3 => "milliseconds",
+            6 => "microseconds",
+            _ => "nanoseconds",
+        }
+    }
+
+    fn count(self) -> i64 {
+        10_i64.pow(u32::from(self.0))
+    }
+}
+
+/// A time in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Instant {
+    whole_s: i64,
+    /// From 0 to 1.
+    part_s: f64,
+    /// The sum, rounded once.
+    seconds: f64,
+}
+
+impl Instant {
+    /// Seconds as one number, which must be finite.
+    pub(crate) fn from_s(seconds: f64) -> Self {
+        let whole = seconds.floor();
+        Self {
+            whole_s: whole as i64,
+            part_s: seconds - whole,
+            seconds,
+        }
+    }
+
+    /// A number of that unit, if it is finite.
+    pub(crate) fn from_number(value: f64, unit: UnitsPerSecond) -> Option<Self> {
+        let finite = Some(value).filter(|value| value.is_finite());
+        finite.map(|value| Self::from_s(value / unit.count() as f64))
+    }
+
+    pub(crate) fn from_integer(value: i64, unit: UnitsPerSecond) -> Self {
+        let count = unit.count();
+        let (whole_s, rest) = (value.div_euclid(count), value.rem_euclid(count));
+        let part_s = rest as f64 / count as f64;
+        Self {
+            whole_s,
+            part_s,
+            seconds: value as f64 / count as f64,
+        }
+    }
+
+    /// A decimal number without an exponent, of that unit.
+    pub(crate) fn from_decimal(text: &str, unit: UnitsPerSecond) -> Option<Self> {
+        let value: f64 = text.parse().ok().filter(|value: &f64| value.is_finite())?;
+        let seconds = value / unit.count() as f64;
+        let digits = text.strip_prefix('+').unwrap_or(text);
+        let (whole, part) = digits.split_once('.').unwrap_or((digits, ""));
+        let is_number = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+        // Negative times and exponents are not since 1970 and need no more than one number.
+        if whole.is_empty() || whole.len() > 30 || !is_number(whole) || !is_number(part) {
+            return Some(Self::from_s(seconds));
+        }
+        let point = whole.len().saturating_sub(usize::from(unit.0));
+        let zeros = "0".repeat(usize::from(unit.0).saturating_sub(whole.len()));
+        let part = format!("0.{zeros}{}{part}", &whole[point..]);
+        Some(Self {
+            whole_s: match &whole[..point] {
+                "" => 0,
+                whole => whole.parse().ok()?,
+            },
+            part_s: part.parse().ok()?,
+            seconds,
+        })
+    }
+
+    /// A date and time of day as ISO 8601 writes them, with `T` or a space between; without an offset it is UTC.
+    pub(crate) fn from_date(text: &str) -> Option<Self> {
+        let (date, time) = text.split_at_checked(10)?;
+        let time = time.strip_prefix(['T', 't', ' '])?;
+        let (year, month, day) = (
+            digits(date.get(..4)?)?,
+            digits(date.get(5..7)?)?,
+            digits(date.get(8..10)?)?,
+        );
+        let separated = date.as_bytes()[4] == b'-' && date.as_bytes()[7] == b'-';
+        if !separated || !(1..=12).contains(&month) || !(1..=31).contains(&day) {
+            return None;
+        }
+        let (time, offset_s) = split_offset(time)?;
+        let (clock, part) = time.split_once(['.', ',']).unwrap_or((time, "0"));
+        let mut fields = clock.split(':').map(digits);
+        let (hour, minute) = (fields.next()??, fields.next()??);
+        let second = fields.next().unwrap_or(Some(0))?;
+        if fields.next().is_some() || hour > 24 || minute > 59 || second > 60 {
+            return None;
+        }
+        digits(part.get(..1)?)?;
+        let part_s: f64 = format!("0.{part}").parse().ok()?;
+        let whole_s =
+            days_since_1970(year, month, day) * 86_400 + hour * 3600 + minute * 60 + second
+                - offset_s;
+        Some(Self {
+            whole_s,
+            part_s,
+            seconds: whole_s as f64 + part_s,
+        })
+    }
+
+    /// As one number, as near as that comes.
+    pub(crate) fn seconds(self) -> f64 {
+        self.seconds
+    }
+
+    pub(crate) fn is_before(self, other: Self) -> bool {
+        (self.whole_s, self.part_s) < (other.whole_s, other.part_s)
+    }
+
+    fn since(self, start: Self) -> f64 {
+        // Times of damaged files may be any.
+        let whole_s = i128::from(self.whole_s) - i128::from(start.whole_s);
+        whole_s as f64 + (self.part_s - start.part_s)
+    }
+
+    /// Taken for seconds so far, of which they are not.
+    fn of_unit(self, unit: UnitsPerSecond) -> Self {
+        let count = unit.count();
+        Self {
+            whole_s: self.whole_s.div_euclid(count),
+            part_s: (self.whole_s.rem_euclid(count) as f64 + self.part_s) / count as f64,
+            seconds: self.seconds / count as f64,
+        }
+    }
+
+    /// Nanoseconds, whole ones.
+    fn whole_ns(self) -> i128 {
+        i128::from(self.whole_s) * 1_000_000_000 + (self.part_s * 1e9).round() as i128
+    }
+}
+
+fn digits(text: &str) -> Option<i64> {
+    let all = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    all.then(|| text.parse().ok()).flatten()
+}
+
+/// The time of day without its distance from UTC, and that in seconds.
+fn split_offset(time: &str) -> Option<(&str, i64)> {
+    if let Some(utc) = time.strip_suffix(['Z', 'z']) {
+        return Some((utc, 0));
+    }
+    let Some(at) = time.rfind(['+', '-']) else {
+        return Some((time, 0));
+    };
+    let (time, offset) = time.split_at(at);
+    let sign = if offset.starts_with('-') { -1 } else { 1 };
+    let offset = offset[1..].replace(':', "");
+    let hours = digits(offset.get(..2)?)?;
+    let minutes = offset.get(2..).filter(|rest| !rest.is_empty());
+    let minutes = minutes.map_or(Some(0), digits)?;
+    Some((time, sign * (hours * 3600 + minutes * 60)))
+}
+
+/// Of a date in the Gregorian calendar. Years begin in March here, so that the leap day is a year's last.
+fn days_since_1970(year: i64, month: i64, day: i64) -> i64 {
+    let year = if month <= 2 { year - 1 } else { year };
+    let day_of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
+    let leap_days = year.div_euclid(4) - year.div_euclid(100) + year.div_euclid(400);
+    // Days from the first of March of the year 0 to 1970.
+    365 * year + leap_days + day_of_year - 719_468
+}
+
+/// The rows' times in seconds, since the first row where the clock counts from 1970.
+pub(crate) struct Clock {
+    pub(crate) time_s: Vec<f64>,
+    /// Of the first row, where times were since 1970.
+    pub(crate) start_unix_ns: Option<i128>,
+    /// That the times show, where nothing told it.
+    pub(crate) guessed_unit: Option<UnitsPerSecond>,
+}
+
+impl Clock {
+    /// Of times that were read as seconds, and are unless their unit was not told.
+    pub(crate) fn new(mut times: Vec<Instant>, unit_is_told: bool) -> Self {
+        let guessed_unit = (!unit_is_told).then(|| guess_unit(&times));
+        if let Some(unit) = guessed_unit {
+            for time in &mut times {
+                *time = time.of_unit(unit);
+            }
+        }
+        let since_1970 = times
+            .first()
+            .copied()
+            .filter(|first| first.seconds > SINCE_1970_S);
+        let time_s = match since_1970 {
+            Some(start) => times.iter().map(|time| time.since(start)).collect(),
+            None => times.iter().map(|time| time.seconds).collect(),
+        };
+        Self {
+            time_s,
+            start_unix_ns: since_1970.map(Instant::whole_ns),
+            guessed_unit,
+        }
+    }
+}
+
+/// The unit of times that nothing tells: by their size and steps if they are since 1970, else by their steps, as
+/// controllers log from ten to some thousand times a second.
+fn guess_unit(times: &[Instant]) -> UnitsPerSecond {
+    const UNITS: [UnitsPerSecond; 4] = [
+        UnitsPerSecond::SECONDS,
+        UnitsPerSecond::MILLISECONDS,
+        UnitsPerSecond::MICROSECONDS,
+        UnitsPerSecond::NANOSECONDS,
+    ];
+    let steps = times.windows(2).map(|pair| pair[1].since(pair[0]));
+    let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
+    let middle = steps.len() / 2;
+    let step = match steps.is_empty() {
+        true => 0.0,
+        false => *steps.select_nth_unstable_by(middle, f64::total_cmp).1,
+    };
+    let first = times.first().map_or(0.0, |first| first.seconds);
+    // Nanoseconds since a machine was started look like milliseconds since 1970, but for their steps.
+    let since_1970 = UNITS.into_iter().find(|unit| {
+        let count = unit.count() as f64;
+        (1e9..4.2e9).contains(&(first / count)) && step / count < 100.0
+    });
+    since_1970.unwrap_or(match step {
+        step if step < 1.0 => UnitsPerSecond::SECONDS,
+        step if step < 1e3 => UnitsPerSecond::MILLISECONDS,
+        step if step < 1e5 => UnitsPerSecond::MICROSECONDS,
+        _ => UnitsPerSecond::NANOSECONDS,
+    })
+}
+
+/// Whether a column's name says that it holds the time, and in which unit.
+pub(crate) fn time_column(name: &str) -> Option<Option<UnitsPerSecond>> {
+    let name = name.trim().to_lowercase();
+    let words: Vec<&str> = name
+        .split(|c: char| !c.is_alphanumeric() && c != 'µ')
+        .filter(|word| !word.is_empty())
+        .collect();
+    let (unit, words) = match words.split_last() {
+        Some((last, before)) if !before.is_empty() => match *last {
+            "s" | "sec" | "secs" | "seconds" => (Some(UnitsPerSecond::SECONDS), before),
+            "ms" | "msec" | "millis" | "milliseconds" => {
+                (Some(UnitsPerSecond::MILLISECONDS), before)
+            }
+            "us" | "µs" | "usec" | "micros" | "microseconds" => {
+                (Some(UnitsPerSecond::MICROSECONDS), before)
+            }
+            "ns" | "nsec" | "nanos" | "nanoseconds" => (Some(UnitsPerSecond::NANOSECONDS), before),
+            _ => (None, &words[..]),
+        },
+        _ => (None, &words[..]),
+    };
+    matches!(
+        words,
+        ["t" | "time" | "timestamp" | "stamp" | "ts" | "zeit" | "datetime" | "timestamps"]
+            | ["time" | "unix", "stamp" | "time"]
+            | ["elapsed", "time"]
+            | ["elapsed"]
+    )
+    .then_some(unit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_decimal_keeps_every_digit_in_any_unit() {
+        let start = Instant::from_decimal("1700000000", UnitsPerSecond::SECONDS).unwrap();
+        for (text, unit) in [
+            ("1700000000.002000093", UnitsPerSecond::SECONDS),
+            ("1700000000002.000093", UnitsPerSecond::MILLISECONDS),
+            ("1700000000002000.093", UnitsPerSecond::MICROSECONDS),
+            ("1700000000002000093", UnitsPerSecond::NANOSECONDS),
+        ] {
+            let time = Instant::from_decimal(text, unit).unwrap();
+            assert_eq!(time.since(start), 0.002_000_093, "{text}");
+        }
+        let small = Instant::from_decimal("5", UnitsPerSecond::NANOSECONDS).unwrap();
+        assert_eq!((small.part_s, small.seconds), (5e-9, 5e-9));
+        for other in ["-0.5", "1e3", "+2.5", ".5"] {
+            let time = Instant::from_decimal(other, UnitsPerSecond::SECONDS).unwrap();
+            assert_eq!(time.seconds(), other.parse::<f64>().unwrap());
+        }
+        assert!(Instant::from_decimal("inf", UnitsPerSecond::SECONDS).is_none());
+        assert!(Instant::from_decimal("12 s", UnitsPerSecond::SECONDS).is_none());
+    }
+
+    #[test]
+    fn dates_are_read_with_and_without_their_offset() {
+        for text in [
+            "2023-11-14T22:13:20.25Z",
+            "2023-11-14 22:13:20,25",
+            "2023-11-14T23:13:20.250+01:00",
+            "2023-11-14T16:43:20.25-0530",
+        ] {
+            let date = Instant::from_date(text).unwrap();
+            assert_eq!((date.whole_s, date.part_s), (1_700_000_000, 0.25), "{text}");
+        }
+        assert_eq!(
+            Instant::from_date("2024-02-29T00:00Z").unwrap().whole_s,
+            1_709_164_800
+        );
+        for wrong in [
+            "2023-13-14T00:00Z",
+            "2023-11-14",
+            "2023-11-14T25:61:00Z",
+            "2023-11-14T1é:00:00",
+        ] {
+            assert!(Instant::from_date(wrong).is_none(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_unit_that_nothing_tells_is_told_by_size_and_steps() {
+        let clock =
+            |times: &[f64]| Clock::new(times.iter().copied().map(Instant::from_s).collect(), false);
+        assert_eq!(clock(&[0.0, 0.002]).time_s, [0.0, 0.002]);
+        assert_eq!(clock(&[0.0, 2.0, 4.0]).time_s, [0.0, 0.002, 0.004]);
+        assert_eq!(clock(&[0.0, 2000.0]).time_s, [0.0, 0.002]);
+        assert_eq!(clock(&[0.0, 2e6]).time_s, [0.0, 0.002]);
+        assert_eq!(clock(&[1.7e12, 1.7e12 + 2.0]).time_s, [0.0, 0.002]);
+        assert_eq!(clock(&[1.7e9, 1.7e9 + 5.0]).time_s, [0.0, 5.0]);
+        assert_eq!(clock(&[2e12, 2e12 + 2e6]).time_s, [2000.0, 2000.002]);
+        assert_eq!(
+            clock(&[1.7e18]).start_unix_ns,
+            Some(1_700_000_000_000_000_000)
+        );
+    }
+
+    #[test]
+    fn names_of_time_columns_tell_their_unit() {
+        for (name, unit) in [
+            ("t", None),
+            ("Timestamp", None),
+            ("time_ms", Some(UnitsPerSecond::MILLISECONDS)),
+            ("Time [µs]", Some(UnitsPerSecond::MICROSECONDS)),
+            ("time (s)", Some(UnitsPerSecond::SECONDS)),
+            ("stamp_ns", Some(UnitsPerSecond::NANOSECONDS)),
+        ] {
+            assert_eq!(time_column(name), Some(unit), "{name}");
+        }
+        for other in ["s", "torque", "time_constant", "q", ""] {
+            assert_eq!(time_column(other), None, "{other}");
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! What the names of columns and arrays say: position, velocity or torque; asked for or measured; which side of the gear;
+//! in which unit.
+
+use crate::Signal;
+use std::f64::consts::PI;
+
+/// What kind of value a name is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Quantity {
+    Position,
+    Velocity,
+    Torque,
+    Current,
+    Temperature,
+}
+
+/// What a name says.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Meaning {
+    pub(crate) quantity: Quantity,
+    /// What the joint was asked to do, or the torque it was sent.
+    pub(crate) is_reference: bool,
+    /// Before the gear (true) or after it, where the name says so.
+    pub(crate) is_motor: Option<bool>,
+    /// SI per unit, where the name tells a unit.
+    pub(crate) scale: Option<f64>,
+    /// What is left of the name: the joint.
+    pub(crate) rest: Vec<String>,
+}
+
+const POSITION: &[&str] = &[
+    "position",
+    "positions",
+    "pos",
+    "angle",
+    "angles",
+    "q",
+    "qpos",
+    "theta",
+    "state",
+    "jointpos",
+];
+const VELOCITY: &[&str] = &[
+    "velocity",
+    "velocities",
+    "vel",
+    "speed",
+    "qd",
+    "dq",
+    "qdot",
+    "qvel",
+    "omega",
+    "qp",
+];
+const TORQUE: &[&str] = &[
+    "torque", "torques", "tau", "effort", "efforts", "moment", "trq", "tq",
+];
+const CURRENT: &[&str] = &["current", "currents", "amps", "cur"];
+const TEMPERATURE: &[&str] = &["temperature", "temp", "temperatures"];
+const REFERENCE: &[&str] = &[
+    "reference",
+    "ref",
+    "desired",
+    "des",
+    "target",
+    "command",
+    "commanded",
+    "cmd",
+    "goal",
+    "setpoint",
+    "action",
+    "d",
+];
+const MOTOR: &[&str] = &["motor", "rotor", "drive"];
+const LINK: &[&str] = &["link", "joint", "load", "output"];
+/// Said of measured values, and of nothing else.
+const FILLERS: &[&str] = &[
+    "measured",
+    "meas",
+    "actual",
+    "act",
+    "observation",
+    "obs",
+    "s",
+    "data",
+];
+/// Unit, what it is a unit of, and SI per unit. Of a velocity per second where a time does not follow.
+const UNITS: &[(&str, Quantity, f64)] = &[
+    ("rad", Quantity::Position, 1.0),
+    ("deg", Quantity::Position, PI / 180.0),
+    ("degree", Quantity::Position, PI / 180.0),
+    ("degrees", Quantity::Position, PI / 180.0),
+    ("mrad", Quantity::Position, 1e-3),
+    ("turns", Quantity::Position, 2.0 * PI),
+    ("rev", Quantity::Position, 2.0 * PI),
+    ("rpm", Quantity::Velocity, 2.0 * PI / 60.0),
+    ("nm", Quantity::Torque, 1.0),
+    ("mnm", Quantity::Torque, 1e-3),
+    ("ncm", Quantity::Torque, 1e-2),
+    ("knm", Quantity::Torque, 1e3),
+    ("a", Quantity::Current, 1.0),
+    ("ma", Quantity::Current, 1e-3),
+    ("degc", Quantity::Temperature, 1.0),
+    ("c", Quantity::Temperature, 1.0),
+];
+
+/// The words of a name, in small letters: parted by marks, by capitals and before a number at the end.
+fn words(name: &str) -> Vec<String> {
+    let mut words: Vec<String> = vec![String::new()];
+    let mut before = ' ';
+    for c in name.chars() {
+        // `mA` and `kNm` are one word.
+        let prefix = words
+            .last()
+            .is_some_and(|word| matches!(word.as_str(), "m" | "k"));
+        let begins = c.is_uppercase() && before.is_lowercase() && !prefix;
+        if !c.is_alphanumeric() || begins {
+            words.push(String::new());
+        }
+        if c.is_alphanumeric()
+            && let Some(word) = words.last_mut()
+        {
+            word.extend(c.to_lowercase());
+        }
+        before = c;
+    }
+    words.retain(|word| !word.is_empty());
+    words
+}
+
+/// What the name of a column or an array says, if it says what kind of value it holds.
+pub(crate) fn meaning(name: &str) -> Option<Meaning> {
+    let (mut quantity, mut is_reference, mut is_motor, mut unit) = (None, false, None, None);
+    let mut rest = Vec::new();
+    for word in words(name) {
+        let letters = word.trim_end_matches(|c: char| c.is_ascii_digit());
+        let number = &word[letters.len()..];
+        let is = |known: &[&str]| known.contains(&letters);
+        let named = [
+            (POSITION, Quantity::Position),
+            (VELOCITY, Quantity::Velocity),
+            (TORQUE, Quantity::Torque),
+            (CURRENT, Quantity::Current),
+            (TEMPERATURE, Quantity::Temperature),
+        ]
+        .into_iter()
+        .find_map(|(words, quantity)| is(words).then_some(quantity));
+        let unit_of_word = UNITS
+            .iter()
+            .find(|(unit, _, _)| *unit == letters && number.is_empty());
+        if let Some(named) = named.filter(|_| quantity.is_none()) {
+            quantity = Some(named);
+        } else if is(REFERENCE) {
+            is_reference = true;
+        } else if is(MOTOR) || is(LINK) && number.is_empty() {
+            is_motor = Some(is(MOTOR));
+        } else if let Some(found) = unit_of_word.filter(|_| quantity.is_some()) {
+            unit = Some(found);
+            continue;
+        } else if !(is(FILLERS) && number.is_empty()) {
+            rest.push(word.clone());
+            continue;
+        }
+        if !number.is_empty() {
+            rest.push(number.to_owned());
+        }
+    }
+    // An action with nothing else is where a policy sends the joint.
+    let quantity = quantity
+        .or((is_reference && rest.is_empty() && name == "action").then_some(Quantity::Position))?;
+    let scale = unit.and_then(|(_, of, scale)| match (of, quantity) {
+        (of, quantity) if *of == quantity => Some(*scale),
+        (Quantity::Position, Quantity::Velocity) => Some(*scale),
+        _ => None,
+    });
+    Some(Meaning {
+        quantity,
+        is_reference,
+        is_motor,
+        scale,
+        rest,
+    })
+}
+
+impl Meaning {
+    /// The signal, and whether the side of the gear was only supposed.
+    pub(crate) fn signal(&self) -> (Signal, bool) {
+        let is_motor = self.is_motor.unwrap_or(false);
+        let supposed = self.is_motor.is_none();
+        match (self.quantity, self.is_reference) {
+            (Quantity::Position, true) => (Signal::ReferencePositionRad, false),
+            (Quantity::Velocity, true) => (Signal::ReferenceVelocityRadS, false),
+            (Quantity::Torque, true) => (Signal::CommandTorqueNm, supposed),
+            (Quantity::Position, false) if is_motor => (Signal::MotorPositionRad, false),
+            (Quantity::Position, false) => (Signal::LinkPositionRad, supposed),
+            (Quantity::Velocity, false) if is_motor => (Signal::MotorVelocityRadS, false),
+            (Quantity::Velocity, false) => (Signal::LinkVelocityRadS, supposed),
+            (Quantity::Torque, false) if is_motor => (Signal::MotorTorqueNm, false),
+            (Quantity::Torque, false) => (Signal::JointTorqueNm, supposed),
+            (Quantity::Current, _) => (Signal::MotorCurrentA, false),
+            (Quantity::Temperature, _) => (Signal::TemperatureC, false),
+        }
+    }
+}
+
+/// The signal of an array that has a column for each joint, by its name alone.
+pub(crate) fn array_signal(name: &str) -> Option<Signal> {
+    let meaning = meaning(name)?;
+    // A torque that was asked for at the joint is no signal: commands are the motor's.
+    let unclear = meaning.quantity == Quantity::Torque
+        && meaning.is_reference
+        && meaning.is_motor != Some(true);
+    (!unclear && meaning.rest.is_empty()).then(|| meaning.signal().0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_arrays_are_told() {
+        for (name, signal) in [
+            ("q", Signal::LinkPositionRad),
+            ("qd", Signal::LinkVelocityRadS),
+            ("dq", Signal::LinkVelocityRadS),
+            ("tau", Signal::JointTorqueNm),
+            ("q_des", Signal::ReferencePositionRad),
+            ("q_d", Signal::ReferencePositionRad),
+            ("dq_ref", Signal::ReferenceVelocityRadS),
+            ("observation.state", Signal::LinkPositionRad),
+            ("action", Signal::ReferencePositionRad),
+            ("motor_torque", Signal::MotorTorqueNm),
+            ("jointPositions", Signal::LinkPositionRad),
+        ] {
+            assert_eq!(array_signal(name), Some(signal), "{name}");
+        }
+        for other in ["tau_des", "images", "wrench", "q_left", ""] {
+            assert_eq!(array_signal(other), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn a_columns_name_tells_joint_side_and_unit() {
+        let told = meaning("axis1_motor_position_deg").unwrap();
+        assert_eq!(told.signal(), (Signal::MotorPositionRad, false));
+        assert_eq!(
+            (told.scale, told.rest),
+            (Some(PI / 180.0), vec!["axis1".to_owned()])
+        );
+        let told = meaning("q3 [rad]").unwrap();
+        assert_eq!(told.signal(), (Signal::LinkPositionRad, true));
+        assert_eq!((told.scale, told.rest), (Some(1.0), vec!["3".to_owned()]));
+        let told = meaning("elbow_speed_rpm").unwrap();
+        assert_eq!(
+            (told.quantity, told.scale),
+            (Quantity::Velocity, Some(PI / 30.0))
+        );
+        assert_eq!(meaning("wrist_current_mA").unwrap().scale, Some(1e-3));
+        assert_eq!(meaning("comment"), None);
+    }
+}

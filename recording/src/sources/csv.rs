@@ -1,0 +1,235 @@
+//! CSV logs, with the columns' names or a mapping file saying what they hold.
+
+use super::csv_text::Uncommented;
+use super::{Log, Source};
+use crate::builder::TableBuilder;
+use crate::clock::{Instant, UnitsPerSecond};
+use crate::columns::{Cells, Plan, whole};
+use crate::error::Place;
+use crate::frame::{Column, Frame, Values};
+use crate::mapping::{Mapping, MappingFile};
+use crate::{ReadProblem, Recording};
+use csv::ByteRecord;
+use std::borrow::Cow;
+use std::cell::Cell;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
+
+pub(crate) struct Csv;
+
+impl Source for Csv {
+    fn matches(&self, log: &Log<'_>) -> bool {
+        matches!(log.extension.as_str(), "csv" | "tsv" | "txt")
+    }
+
+    fn frame(&self, path: &Path, _: &Mapping) -> Result<Frame, ReadProblem> {
+        read_frame(path)
+    }
+
+    fn read(&self, path: &Path, mapping: &MappingFile<'_>) -> Result<Recording, ReadProblem> {
+        let (mapping, mapping_path) = mapping.load()?;
+        read_table(path, &mapping, &mapping_path)
+    }
+}
+
+/// All columns; text is not there.
+fn read_frame(path: &Path) -> Result<Frame, ReadProblem> {
+    let (mut lines, header) = open(path)?;
+    let mut columns: Vec<Vec<f64>> = vec![Vec::new(); header.len()];
+    let mut record = ByteRecord::new();
+    let decimal_mark = Cell::new(None);
+    while lines.read_byte_record(&mut record).map_err(line_problem)? {
+        let line = Line {
+            header: &header,
+            record: &record,
+            decimal_mark: &decimal_mark,
+        };
+        for (field, column) in columns.iter_mut().enumerate() {
+            let time = || Some(Instant::from_date(&line.cell(field))?.seconds());
+            column.push(line.number(field).ok().or_else(time).unwrap_or(f64::NAN));
+        }
+    }
+    let columns = header
+        .into_iter()
+        .zip(columns)
+        .map(|(name, values)| Column {
+            name,
+            values: Values::Numbers(values),
+        });
+    Ok(Frame {
+        columns: columns.collect(),
+        ..Frame::default()
+    })
+}
+
+type Lines = csv::Reader<Uncommented<BufReader<File>>>;
+
+/// The table of a CSV log.
+fn read_table(
+    path: &Path,
+    mapping: &Mapping,
+    mapping_path: &Path,
+) -> Result<Recording, ReadProblem> {
+    let (mut lines, header) = open(path)?;
+    let plan = Plan::new(header.clone(), &[], mapping, mapping_path)?;
+    let mut table = TableBuilder::default();
+    plan.prepare(&mut table);
+    let mut record = ByteRecord::new();
+    let decimal_mark = Cell::new(None);
+    while lines.read_byte_record(&mut record).map_err(line_problem)? {
+        plan.add_row(
+            &mut table,
+            &Line {
+                header: &header,
+                record: &record,
+                decimal_mark: &decimal_mark,
+            },
+        )?;
+    }
+    table.finish(mapping.sample_rate_hz, || mapping_path.to_owned())
+}
+
+/// The lines after the one that names the columns, and the names.
+fn open(path: &Path) -> Result<(Lines, Vec<String>), ReadProblem> {
+    let (text, start) = Uncommented::open(BufReader::new(File::open(path)?))?;
+    let mut reader = csv::ReaderBuilder::new();
+    reader.delimiter(start.delimiter).trim(csv::Trim::All);
+    if let Some(names) = start.commented_header {
+        let header = read_header(&mut reader.from_reader(&names[..]))?;
+        return Ok((reader.has_headers(false).from_reader(text), header));
+    }
+    let mut lines = reader.from_reader(text);
+    let header = read_header(&mut lines)?;
+    Ok((lines, header))
+}
+
+fn read_header<R: Read>(lines: &mut csv::Reader<R>) -> Result<Vec<String>, ReadProblem> {
+    let header = lines.byte_headers().map_err(line_problem)?;
+    // A header in another encoding than UTF-8 is legible but for its special letters.
+    let names: Vec<String> = header
+        .iter()
+        .map(|name| String::from_utf8_lossy(name).into_owned())
+        .collect();
+    if names.is_empty() {
+        return Err(ReadProblem::NoHeader);
+    }
+    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
+        return Err(ReadProblem::HeaderOfNumbers);
+    }
+    Ok(names)
+}
+
+fn line_problem(error: csv::Error) -> ReadProblem {
+    let text = error.to_string();
+    match error.into_kind() {
+        csv::ErrorKind::Io(error) => ReadProblem::Io(error),
+        csv::ErrorKind::UnequalLengths {
+            pos,
+            expected_len,
+            len,
+        } => ReadProblem::RowLength {
+            line: pos.map_or(0, |pos| pos.line()),
+            fields: len,
+            columns: expected_len,
+        },
+        _ => ReadProblem::Io(std::io::Error::other(text)),
+    }
+}
+
+/// One line's fields.
+struct Line<'a> {
+    header: &'a [String],
+    record: &'a ByteRecord,
+    /// Of the file: the first number with one shows which.
+    decimal_mark: &'a Cell<Option<char>>,
+}
+
+impl Cells for Line<'_> {
+    fn place(&self) -> Place {
+        Place::Line(self.record.position().map_or(0, csv::Position::line))
+    }
+
+    fn number(&self, field: usize) -> Result<f64, ReadProblem> {
+        let cell = self.cell(field);
+        if cell.is_empty() {
+            return Ok(f64::NAN);
+        }
+        let value = self.with_point(&cell).and_then(|cell| cell.parse().ok());
+        value.ok_or_else(|| self.not_a_number(field))
+    }
+
+    fn instant(&self, field: usize, unit: UnitsPerSecond) -> Result<Option<Instant>, ReadProblem> {
+        let cell = self.cell(field);
+        if cell.is_empty() {
+            return Ok(None);
+        }
+        if let Some(date) = Instant::from_date(&cell) {
+            return Ok(Some(date));
+        }
+        match self.with_point(&cell) {
+            Some(number) => Ok(Instant::from_decimal(&number, unit)),
+            None => Err(self.not_a_number(field)),
+        }
+    }
+
+    fn integer(&self, field: usize) -> Result<Option<i64>, ReadProblem> {
+        let cell = self.cell(field);
+        if cell.is_empty() {
+            return Ok(None);
+        }
+        let as_float = || cell.parse().ok().and_then(whole);
+        let problem = || {
+            let (place, (column, cell)) = (self.place(), self.describe(field));
+            ReadProblem::NotAnInteger {
+                place,
+                column,
+                cell,
+            }
+        };
+        let integer = cell.parse().ok().or_else(as_float);
+        integer.ok_or_else(problem).map(Some)
+    }
+}
+
+impl<'a> Line<'a> {
+    fn cell(&self, field: usize) -> Cow<'a, str> {
+        String::from_utf8_lossy(&self.record[field])
+    }
+
+    /// A number with a decimal point, if it is one with the mark that the file's numbers have.
+    fn with_point<'c>(&self, cell: &'c str) -> Option<Cow<'c, str>> {
+        let Some(mark) = cell.chars().find(|c| matches!(c, '.' | ',')) else {
+            return Some(Cow::Borrowed(cell));
+        };
+        if *self.decimal_mark.get().get_or_insert(mark) != mark {
+            return None;
+        }
+        let number = match mark {
+            ',' => Cow::Owned(cell.replacen(',', ".", 1)),
+            _ => Cow::Borrowed(cell),
+        };
+        if number.parse::<f64>().is_ok() {
+            self.decimal_mark.set(Some(mark));
+        }
+        Some(number)
+    }
+
+    fn not_a_number(&self, field: usize) -> ReadProblem {
+        let (column, cell) = self.describe(field);
+        ReadProblem::NotANumber {
+            place: self.place(),
+            column,
+            cell,
+        }
+    }
+
+    fn describe(&self, field: usize) -> (String, String) {
+        const SHOWN: usize = 40;
+        let cell = self.cell(field);
+        (
+            self.header[field].clone(),
+            cell.chars().take(SHOWN).collect(),
+        )
+    }
+}

@@ -1,0 +1,34 @@
+//! MCAP: recordings of ours, and bags of ROS.
+
+use super::{Log, Source};
+use crate::frame::Frame;
+use crate::mapping::{Mapping, MappingFile};
+use crate::ros::Bag;
+use crate::{ReadProblem, Recording, mcap_file};
+use std::path::Path;
+
+pub(crate) struct Mcap;
+
+impl Source for Mcap {
+    fn matches(&self, log: &Log<'_>) -> bool {
+        log.start.starts_with(mcap::MAGIC)
+    }
+
+    fn frame(&self, path: &Path, _: &Mapping) -> Result<Frame, ReadProblem> {
+        if !mcap_file::is_bag(path)? {
+            return Err(ReadProblem::MappedMcap);
+        }
+        let mut bag = Bag::default();
+        mcap_file::read_bag(path, &mut bag)?;
+        bag.into_frame()
+    }
+
+    fn read(&self, path: &Path, mapping: &MappingFile<'_>) -> Result<Recording, ReadProblem> {
+        if !mapping.is_given() && !mcap_file::is_bag(path)? {
+            return mcap_file::read_table(path);
+        }
+        let (mapping, mapping_path) = mapping.load()?;
+        self.frame(path, &mapping)?
+            .into_table(&mapping, &mapping_path)
+    }
+}
