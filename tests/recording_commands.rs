@@ -317,7 +317,7 @@ fn bad_input_is_one_line_and_exit_code_two() {
     refused(
         &bench,
         &["import", "log.csv", "--out", "x.mcap"],
-        &["log.csv", "time_s", "log.toml"],
+        &["log.csv", "JOINT.SIGNAL", "log.mapping.toml"],
     );
     refused(
         &bench,
