@@ -300,13 +300,14 @@ fn bad_input_is_one_line_and_exit_code_two() {
         &["info", "run.mcap", "--robot", "shd71"],
         &["shd71", "shd17"],
     );
+    fs::write(bench.file("other.toml"), "sample_rate_hz = 100.0\n").expect("written");
     refused(
         &bench,
         &[
             "import",
             "run.mcap",
             "--mapping",
-            "m.toml",
+            "other.toml",
             "--out",
             "x.mcap",
         ],
@@ -316,7 +317,7 @@ fn bad_input_is_one_line_and_exit_code_two() {
     refused(
         &bench,
         &["import", "log.csv", "--out", "x.mcap"],
-        &["log.csv", "time_s", "log.toml"],
+        &["log.csv", "JOINT.SIGNAL", "log.mapping.toml"],
     );
     refused(
         &bench,

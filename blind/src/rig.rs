@@ -133,6 +133,8 @@ impl Bench {
             limit_nm,
             speed_rad_s: random.between(1.2, 3.0),
             link: LinkFile {
+                parent: None,
+                kind: Default::default(),
                 joint: "joint1".to_owned(),
                 origin_m: [0.0; 3],
                 origin_rpy_rad: [0.0; 3],
@@ -265,6 +267,8 @@ fn bench(random: &mut Random) -> RobotFile {
         gravity_m_s2: [0.0, 0.0, -GRAVITY_M_S2],
         parameter_tolerance: tolerance(random),
         urdf: None,
+        mjcf: None,
+        held: Default::default(),
         tool_origin_m: [0.0; 3],
         tool_origin_rpy_rad: [0.0; 3],
         shared_effects: Vec::new(),

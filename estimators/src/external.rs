@@ -320,7 +320,7 @@ fn heavier_chains(robot: &Robot) -> Result<ArrayVec<Chain, JOINTS_MAX>, ChainErr
     let relative = tolerance
         .of("mass_kg")
         .hypot(tolerance.of("centre_of_mass_m"));
-    let links = 0..robot.chain.joint_count();
+    let links = 0..robot.chain.joint_count().min(JOINTS_MAX);
     links
         .map(|link| robot.chain.with_heavier_link(link, 1.0 + relative))
         .collect()

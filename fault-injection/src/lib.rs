@@ -1,7 +1,7 @@
 //! Faults between the control loop, its drives and its services, and what the loop does about them.
 //!
 //! [`drive::FaultyDriver`] puts faults between the loop and any [`rt_loop::driver::Driver`]; [`service::FaultyService`] puts
-//! them between the loop and its controller. [`bench`] is the loop with both around it in virtual time: the same cores as in a
+//! them between the loop and its controller. [`mod@bench`] is the loop with both around it in virtual time: the same cores as in a
 //! run, no clock, so that every figure can be remade. [`scenarios`] is the list, with the state each fault has to end in.
 //!
 //! ```

@@ -159,6 +159,9 @@ fn told(name: &str, search: &Search<'_>, choices: Vec<Choice>) -> JointReport {
             probability: candidates[0].probability,
             parameters: judge::term_parameters(search, term, &DMatrix::zeros(0, 0)).0,
             side: None,
+            share: 0.0,
+            share_low: 0.0,
+            share_high: 0.0,
             shrink_alone: 0.0,
         })
         .collect();
@@ -192,5 +195,8 @@ fn told(name: &str, search: &Search<'_>, choices: Vec<Choice>) -> JointReport {
             ..Gap::default()
         },
         remaining: Remaining::Structured,
+        minor_effects: Vec::new(),
+        remaining_share: 1.0,
+        remaining_over: Vec::new(),
     }
 }

@@ -69,6 +69,10 @@ pub struct JointTraces {
     pub nominal_nm: Vec<f64>,
     /// From the twin with the effects.
     pub augmented_nm: Vec<f64>,
+    /// Joint angle in the same rows; empty where they are not told.
+    pub position_rad: Vec<f64>,
+    /// Its rate.
+    pub velocity_rad_s: Vec<f64>,
 }
 
 /// A report with what its pictures need.
@@ -189,13 +193,35 @@ pub fn diagnose(
             .chain(common.iter().map(|common| SharedEffect {
                 effect: counted_effect(&common.found),
                 joints: names_of(robot, &common.joints),
+                joint_shares: BTreeMap::new(),
             }))
             .collect();
+    }
+    for joint in &mut report.joints {
+        share_out(joint);
     }
     report.data.splice(..0, checked.report());
     report.data.sort_by_key(DataFinding::rank);
     report.compute_seconds = begin.elapsed().as_secs_f64();
     Ok(Diagnosis { report, traces })
+}
+
+/// Shares from what each effect takes off alone, in proportion, of what all take off together.
+fn share_out(joint: &mut JointReport) {
+    let sum: f64 = joint.effects.iter().map(|e| e.shrink_alone.max(0.0)).sum();
+    let gap = joint.gap;
+    for effect in &mut joint.effects {
+        let part = if sum > 0.0 {
+            effect.shrink_alone.max(0.0) / sum
+        } else {
+            0.0
+        };
+        effect.share = part * gap.shrink;
+        effect.share_low = part * gap.shrink_low;
+        effect.share_high = part * gap.shrink_high;
+    }
+    let taken: f64 = joint.effects.iter().map(|effect| effect.share).sum();
+    joint.remaining_share = 1.0 - taken;
 }
 
 /// Data and robot file with what the samples show taken out.
@@ -398,9 +424,13 @@ fn shared_effect(robot: &Robot, joints: &[Searched<'_>], shared: &Shared) -> Sha
             probability: shared.probability,
             parameters,
             side: None,
+            share: 0.0,
+            share_low: 0.0,
+            share_high: 0.0,
             shrink_alone: 0.0,
         },
         joints: names_of(robot, &shared.joints),
+        joint_shares: BTreeMap::new(),
     }
 }
 
@@ -417,6 +447,7 @@ pub(crate) fn insufficient(joint: &str, why: String) -> JointReport {
         verdict: Verdict::InsufficientData,
         reason: why,
         effects: Vec::new(),
+        minor_effects: Vec::new(),
         candidates: vec![Candidate {
             effect: "unknown".to_owned(),
             probability: 1.0,
@@ -425,5 +456,7 @@ pub(crate) fn insufficient(joint: &str, why: String) -> JointReport {
         place: Where::default(),
         gap: Gap::default(),
         remaining: Remaining::Structured,
+        remaining_share: 1.0,
+        remaining_over: Vec::new(),
     }
 }

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::stage::Stage;
 
 /// The only version there is.
-pub const SCHEMA: u32 = 1;
+pub const SCHEMA: u32 = 2;
 
 /// A whole report.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -69,8 +69,10 @@ pub struct DataFinding {
 
 impl fmt::Display for DataFinding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let on = self.joint.as_deref().unwrap_or("the recording");
-        write!(f, "{on}: {}", self.what)?;
+        if let Some(joint) = &self.joint {
+            write!(f, "{joint}: ")?;
+        }
+        f.write_str(&self.what)?;
         match self.remedy.as_str() {
             "" => Ok(()),
             remedy => write!(f, "; {remedy}"),
@@ -128,6 +130,16 @@ pub struct NamedEffect {
     /// Which encoder, where the effect has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub side: Option<String>,
+    /// Part of the gap's energy, held out and above the noise floor, that the effect takes off, averaged over the orders in which the
+    /// named effects can be added (Shapley); of a shared effect its mean over the joints.
+    #[serde(default)]
+    pub share: f64,
+    /// Lower end of its 95 % interval.
+    #[serde(default)]
+    pub share_low: f64,
+    /// Upper end of its 95 % interval.
+    #[serde(default)]
+    pub share_high: f64,
     /// Shrink with this effect only.
     pub shrink_alone: f64,
 }
@@ -140,6 +152,20 @@ pub struct SharedEffect {
     pub effect: NamedEffect,
     /// Who sees it.
     pub joints: Vec<String>,
+    /// What it takes off each of these joints' gaps.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub joint_shares: BTreeMap<String, JointShare>,
+}
+
+/// A share with its 95 % interval.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct JointShare {
+    /// Of the joint's gap.
+    pub share: f64,
+    /// Lower end.
+    pub share_low: f64,
+    /// Upper end.
+    pub share_high: f64,
 }
 
 /// An effect, `none` or `unknown`, with its probability.
@@ -259,8 +285,11 @@ pub struct JointReport {
     /// In a sentence, with the numbers that decided.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub reason: String,
-    /// What is named, most important first.
+    /// What is named, largest share first.
     pub effects: Vec<NamedEffect>,
+    /// Named too, of so small a share that it does not matter: never in the headline, the stage or the verdict.
+    #[serde(default)]
+    pub minor_effects: Vec<NamedEffect>,
     /// All that was tried, with `none` and `unknown`; most probable first.
     pub candidates: Vec<Candidate>,
     /// Nearest first.
@@ -272,6 +301,47 @@ pub struct JointReport {
     pub gap: Gap,
     /// What is left.
     pub remaining: Remaining,
+    /// Its share of the gap; with those of the effects it adds up to 1.
+    #[serde(default)]
+    pub remaining_share: f64,
+    /// What it depends on, largest share first.
+    #[serde(default)]
+    pub remaining_over: Vec<RemainsOver>,
+}
+
+/// What the rest depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Remains {
+    /// Joint angle.
+    Position,
+    /// Joint velocity.
+    Velocity,
+    /// Torque that the gear carries.
+    Load,
+    /// Time since the recording began.
+    Time,
+    /// Time since the direction changed.
+    SinceReversal,
+    /// Angle of the motor within a turn.
+    MotorPhase,
+    /// Velocity and acceleration of the other joints.
+    OtherJoints,
+}
+
+/// A variable over which a part of the rest lies.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RemainsOver {
+    /// The variable.
+    pub over: Remains,
+    /// Of the gap's energy, held out.
+    pub share: f64,
+    /// Corners of a straight line through the rest, in the variable's unit; empty where it is no function of one number.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub at: Vec<f64>,
+    /// Torque at each corner.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub torque_nm: Vec<f64>,
 }
 
 /// Why a report cannot be used.

@@ -87,6 +87,9 @@ impl Told<'_> {
             effects,
             candidates,
             confusable,
+            minor_effects: Vec::new(),
+            remaining_share: 1.0 - gap.shrink,
+            remaining_over: Vec::new(),
             gap,
             remaining,
         })
@@ -116,6 +119,9 @@ impl Told<'_> {
                     probability: (1.0 - RISK) * step.probability_of(name),
                     parameters,
                     side,
+                    share: 0.0,
+                    share_low: 0.0,
+                    share_high: 0.0,
                     shrink_alone: judge::shrink_alone(self.search, refined, &[], term, before_nm),
                 }
             })
@@ -355,6 +361,8 @@ impl Told<'_> {
             measured_nm: pick(&|k| measured[k]),
             nominal_nm: pick(&|k| measured[k] - before_nm[k]),
             augmented_nm: pick(&|k| measured[k] - after_nm[k]),
+            position_rad: Vec::new(),
+            velocity_rad_s: Vec::new(),
         })
     }
 }
@@ -499,6 +507,9 @@ pub(crate) fn counted_effect(found: &Found) -> NamedEffect {
         probability: COUNTED / names(found).len() as f64,
         parameters,
         side,
+        share: 0.0,
+        share_low: 0.0,
+        share_high: 0.0,
         shrink_alone: 0.0,
     }
 }
@@ -523,6 +534,9 @@ mod tests {
             ]
             .into(),
             side: None,
+            share: 0.0,
+            share_low: 0.0,
+            share_high: 0.0,
             shrink_alone: 0.1 * cycles,
         }
     }

@@ -1,7 +1,6 @@
 //! What a chain accepts and how it names what it does not.
 
-use joint_model::JOINTS_MAX;
-use joint_model::rigid_body::{Chain, ChainError, Link};
+use joint_model::rigid_body::{Chain, ChainError, JointKind, LINKS_MAX, Link};
 use nalgebra::{
     Isometry3, Matrix3, Quaternion, Rotation3, Translation3, Unit, UnitQuaternion, Vector3,
 };
@@ -10,6 +9,8 @@ const GRAVITY_M_S2: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
 fn pendulum() -> Link {
     Link {
+        parent: None,
+        kind: JointKind::Revolute,
         origin: Isometry3::identity(),
         axis: Vector3::y_axis(),
         mass_kg: 2.0,
@@ -19,7 +20,8 @@ fn pendulum() -> Link {
 }
 
 /// Builds a pendulum that carries `link`.
-fn build(link: Link) -> Result<Chain, ChainError> {
+fn build(mut link: Link) -> Result<Chain, ChainError> {
+    link.parent = Some(0);
     Chain::new(&[pendulum(), link], GRAVITY_M_S2, Isometry3::identity())
 }
 
@@ -110,7 +112,7 @@ fn a_short_slice_is_a_programming_error() {
 
 #[test]
 fn no_links_and_too_many_links_are_refused() {
-    for count in [0, JOINTS_MAX + 1] {
+    for count in [0, LINKS_MAX + 1] {
         let error = Chain::new(
             &vec![pendulum(); count],
             GRAVITY_M_S2,
@@ -121,12 +123,25 @@ fn no_links_and_too_many_links_are_refused() {
     }
     assert!(
         Chain::new(
-            &[pendulum(); JOINTS_MAX],
+            &[pendulum(); LINKS_MAX],
             GRAVITY_M_S2,
             Isometry3::identity()
         )
         .is_ok()
     );
+}
+
+#[test]
+fn a_link_hangs_on_one_before_it() {
+    for parent in [1, 7] {
+        let link = Link {
+            parent: Some(parent),
+            ..pendulum()
+        };
+        let error =
+            Chain::new(&[pendulum(), link], GRAVITY_M_S2, Isometry3::identity()).unwrap_err();
+        assert_eq!(error, ChainError::Parent { link: 1, parent });
+    }
 }
 
 #[test]

@@ -6,8 +6,8 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::hint::black_box;
 
-use joint_model::JOINTS_MAX;
-use rigid_body_chains::reference_chain;
+use joint_model::rigid_body::{LINKS_MAX, Moving, Standing};
+use rigid_body_chains::REFERENCE;
 
 thread_local! {
     static HEAP_CALLS: Cell<usize> = const { Cell::new(0) };
@@ -47,23 +47,28 @@ fn no_computation_uses_the_heap() {
         "the counter is dead"
     );
 
-    for joint_count in [1, 7, JOINTS_MAX] {
-        let (chain, states) = reference_chain(joint_count);
-        let state = &states[0];
+    for reference in REFERENCE.chains.iter().chain(&REFERENCE.trees) {
+        let (chain, state) = (reference.build(), &reference.states[0]);
         let (position, velocity) = (&state.position_rad[..], &state.velocity_rad_s[..]);
-        let mut result = [0.0; JOINTS_MAX];
+        let mut result = [0.0; LINKS_MAX];
         let calls = heap_calls_of(|| {
             chain.inverse_dynamics(position, velocity, &state.acceleration_rad_s2, &mut result);
             black_box(&result);
             chain.gravity_torque(position, &mut result);
             black_box(&result);
             chain.forward_dynamics(position, velocity, &state.applied_torque_nm, &mut result);
+            let mut moving = Moving::default();
+            chain.links_moving(position, velocity, &state.acceleration_rad_s2, &mut moving);
+            let mut standing = Standing::default();
+            chain.links_standing(position, &mut standing);
             black_box((
                 &result,
+                chain.moving_torque_nm(0, &moving),
+                chain.carried(0, &standing),
                 chain.tool_pose(position),
                 chain.potential_energy_j(position),
             ));
         });
-        assert_eq!(calls, 0, "{joint_count} joints");
+        assert_eq!(calls, 0, "{} joints", chain.joint_count());
     }
 }

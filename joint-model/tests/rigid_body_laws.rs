@@ -2,22 +2,28 @@
 
 mod rigid_body_chains;
 
-use joint_model::JOINTS_MAX;
-use joint_model::rigid_body::{Chain, Moving, Standing};
+use joint_model::rigid_body::{Chain, LINKS_MAX, Moving, Standing};
 use nalgebra::{DMatrix, Vector3};
 use proptest::collection::vec;
 use proptest::prelude::*;
-use rigid_body_chains::reference_chain;
+use rigid_body_chains::{REFERENCE, reference_chain};
 
-type JointValues = [f64; JOINTS_MAX];
+type JointValues = [f64; LINKS_MAX];
 
-/// As many values as the longest chain has joints; shorter chains read the first of them.
+/// As many values as a chain may have joints; shorter chains read the first of them.
 fn joint_values(largest: f64) -> impl Strategy<Value = Vec<f64>> {
-    vec(-largest..largest, JOINTS_MAX)
+    vec(-largest..largest, LINKS_MAX)
 }
 
-fn joint_counts() -> impl Strategy<Value = usize> {
-    1..=JOINTS_MAX
+/// Any chain or tree of the reference.
+fn chains() -> impl Strategy<Value = Chain> {
+    let (chains, trees) = (&REFERENCE.chains, &REFERENCE.trees);
+    (0..chains.len() + trees.len()).prop_map(|index| {
+        let chain = chains
+            .get(index)
+            .unwrap_or_else(|| &trees[index - chains.len()]);
+        chain.build()
+    })
 }
 
 fn torque_nm(
@@ -26,7 +32,7 @@ fn torque_nm(
     velocity: &[f64],
     acceleration: &[f64],
 ) -> JointValues {
-    let mut torque_nm = [0.0; JOINTS_MAX];
+    let mut torque_nm = [0.0; LINKS_MAX];
     chain.inverse_dynamics(position, velocity, acceleration, &mut torque_nm);
     torque_nm
 }
@@ -37,13 +43,13 @@ fn acceleration_rad_s2(
     velocity: &[f64],
     torque: &[f64],
 ) -> JointValues {
-    let mut acceleration_rad_s2 = [0.0; JOINTS_MAX];
+    let mut acceleration_rad_s2 = [0.0; LINKS_MAX];
     chain.forward_dynamics(position, velocity, torque, &mut acceleration_rad_s2);
     acceleration_rad_s2
 }
 
 fn gravity_torque_nm(chain: &Chain, position: &[f64]) -> JointValues {
-    let mut torque_nm = [0.0; JOINTS_MAX];
+    let mut torque_nm = [0.0; LINKS_MAX];
     chain.gravity_torque(position, &mut torque_nm);
     torque_nm
 }
@@ -58,14 +64,14 @@ fn weightless(chain: &Chain) -> Chain {
 fn mass_matrix_kg_m2(chain: &Chain, position: &[f64]) -> DMatrix<f64> {
     let (chain, count) = (weightless(chain), chain.joint_count());
     DMatrix::from_fn(count, count, |row, column| {
-        let mut unit = [0.0; JOINTS_MAX];
+        let mut unit = [0.0; LINKS_MAX];
         unit[column] = 1.0;
-        torque_nm(&chain, position, &[0.0; JOINTS_MAX], &unit)[row]
+        torque_nm(&chain, position, &[0.0; LINKS_MAX], &unit)[row]
     })
 }
 
 fn energy_j(chain: &Chain, position: &[f64], velocity: &[f64]) -> f64 {
-    let momentum = torque_nm(&weightless(chain), position, &[0.0; JOINTS_MAX], velocity);
+    let momentum = torque_nm(&weightless(chain), position, &[0.0; LINKS_MAX], velocity);
     let twice_kinetic_j: f64 = momentum.iter().zip(velocity).map(|(p, v)| p * v).sum();
     chain.potential_energy_j(position) + 0.5 * twice_kinetic_j
 }
@@ -85,12 +91,12 @@ fn relative_error(found: &[f64], expected: &[f64]) -> f64 {
 proptest! {
     #[test]
     fn inverse_dynamics_undo_forward_dynamics(
-        count in joint_counts(),
+        chain in chains(),
         position in joint_values(3.0),
         velocity in joint_values(2.0),
         applied in joint_values(20.0),
     ) {
-        let (chain, _) = reference_chain(count);
+        let count = chain.joint_count();
         let acceleration = acceleration_rad_s2(&chain, &position, &velocity, &applied);
         let recovered = torque_nm(&chain, &position, &velocity, &acceleration);
         let error = relative_error(&recovered[..count], &applied[..count]);
@@ -99,13 +105,13 @@ proptest! {
 
     #[test]
     fn one_joint_of_a_heavier_chain_needs_what_the_whole_chain_tells(
-        count in joint_counts(),
+        chain in chains(),
         position in joint_values(3.0),
         velocity in joint_values(2.0),
         acceleration in joint_values(20.0),
         place in 0.0..1.0,
     ) {
-        let (chain, _) = reference_chain(count);
+        let count = chain.joint_count();
         let heavier = chain.with_heavier_link((place * count as f64) as usize, 1.7).expect("a heavier body is one");
         prop_assert!(heavier.moves_as(&chain));
         let mut moving = Moving::default();
@@ -130,13 +136,12 @@ proptest! {
 
     #[test]
     fn gravity_torque_is_the_gradient_of_potential_energy(
-        count in joint_counts(),
+        chain in chains(),
         position in joint_values(3.0),
     ) {
         const STEP_RAD: f64 = 1e-5;
-        let (chain, _) = reference_chain(count);
-        let mut gradient_nm = [0.0; JOINTS_MAX];
-        for joint in 0..count {
+        let mut gradient_nm = [0.0; LINKS_MAX];
+        for joint in 0..chain.joint_count() {
             let energy_beside = |step_rad: f64| {
                 let mut beside = position.clone();
                 beside[joint] += step_rad;
@@ -150,11 +155,10 @@ proptest! {
 
     #[test]
     fn gravity_torque_is_the_inverse_dynamics_at_rest(
-        count in joint_counts(),
+        chain in chains(),
         position in joint_values(3.0),
     ) {
-        let (chain, _) = reference_chain(count);
-        let rest = [0.0; JOINTS_MAX];
+        let rest = [0.0; LINKS_MAX];
         let error = relative_error(
             &gravity_torque_nm(&chain, &position),
             &torque_nm(&chain, &position, &rest, &rest),
@@ -164,10 +168,9 @@ proptest! {
 
     #[test]
     fn the_mass_matrix_is_symmetric_and_positive(
-        count in joint_counts(),
+        chain in chains(),
         position in joint_values(3.0),
     ) {
-        let (chain, _) = reference_chain(count);
         let mass = mass_matrix_kg_m2(&chain, &position);
         prop_assert!((&mass - mass.transpose()).amax() < 1e-12 * mass.amax());
         prop_assert!(mass.cholesky().is_some());
@@ -175,20 +178,20 @@ proptest! {
 
     #[test]
     fn velocity_torques_do_the_work_that_kinetic_energy_takes(
-        count in joint_counts(),
+        chain in chains(),
         position in joint_values(3.0),
         velocity in joint_values(1.0),
     ) {
         // Without acceleration and gravity: τ·q̇ = d/dt (½ q̇ᵀ M q̇) along q̇.
         const STEP_S: f64 = 1e-5;
-        let (chain, _) = reference_chain(count);
+        let count = chain.joint_count();
         let chain = weightless(&chain);
         let energy_at = |time_s: f64| {
             let moved: Vec<f64> = position.iter().zip(&velocity).map(|(q, v)| q + v * time_s).collect();
             energy_j(&chain, &moved, &velocity[..count])
         };
         let rate_w = (energy_at(STEP_S) - energy_at(-STEP_S)) / (2.0 * STEP_S);
-        let torque = torque_nm(&chain, &position, &velocity, &[0.0; JOINTS_MAX]);
+        let torque = torque_nm(&chain, &position, &velocity, &[0.0; LINKS_MAX]);
         let power_w: f64 = torque[..count].iter().zip(&velocity).map(|(t, v)| t * v).sum();
         let scale_w: f64 = torque[..count].iter().zip(&velocity).map(|(t, v)| (t * v).abs()).sum();
         prop_assert!((power_w - rate_w).abs() < 1e-6 * scale_w + 1e-8, "{power_w} W is not {rate_w} W");
@@ -201,11 +204,11 @@ fn fall(chain: &Chain, position: &mut JointValues, velocity: &mut JointValues, s
     let moved = |from: &JointValues, rate: &JointValues, time_s: f64| -> JointValues {
         std::array::from_fn(|joint| from[joint] + time_s * rate[joint])
     };
-    let (mut rate, mut acceleration) = ([0.0; JOINTS_MAX], [0.0; JOINTS_MAX]);
+    let (mut rate, mut acceleration) = ([0.0; LINKS_MAX], [0.0; LINKS_MAX]);
     for (fraction, weight) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)] {
         let stage_position = moved(&start, &rate, fraction * step_s);
         rate = moved(&start_velocity, &acceleration, fraction * step_s);
-        acceleration = acceleration_rad_s2(chain, &stage_position, &rate, &[0.0; JOINTS_MAX]);
+        acceleration = acceleration_rad_s2(chain, &stage_position, &rate, &[0.0; LINKS_MAX]);
         *position = moved(position, &rate, weight * step_s / 6.0);
         *velocity = moved(velocity, &acceleration, weight * step_s / 6.0);
     }
@@ -223,7 +226,7 @@ fn a_falling_chain_keeps_its_energy() {
     const STEP_S: f64 = 1e-4;
     for count in [1, 2, 3, 7] {
         let (chain, states) = reference_chain(count);
-        let (mut position, mut velocity) = ([0.0; JOINTS_MAX], [0.0; JOINTS_MAX]);
+        let (mut position, mut velocity) = ([0.0; LINKS_MAX], [0.0; LINKS_MAX]);
         position[..count].copy_from_slice(&states[0].position_rad);
         let at_start_j = energy_j(&chain, &position, &velocity);
         let potential_at_start_j = chain.potential_energy_j(&position);

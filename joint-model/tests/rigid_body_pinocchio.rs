@@ -1,4 +1,4 @@
-//! Rigid-body dynamics against Pinocchio, an independent library: random chains of 1 to 16 joints.
+//! Rigid-body dynamics against Pinocchio, an independent library: random chains of 1 to 16 joints, and random trees.
 
 mod rigid_body_chains;
 
@@ -18,6 +18,10 @@ fn for_every_state(check: impl Fn(&Chain, &State)) {
             .states
             .iter()
             .for_each(|state| check(&chain, state));
+    }
+    for tree in &REFERENCE.trees {
+        let chain = tree.build();
+        tree.states.iter().for_each(|state| check(&chain, state));
     }
 }
 

@@ -1,4 +1,4 @@
-"""Writes rigid_body_reference.json: random serial chains and what Pinocchio computes for them.
+"""Writes rigid_body_reference.json: random serial chains and trees, and what Pinocchio computes for them.
 
     pip install pin==4.1.0
     python rigid_body_reference.py
@@ -12,6 +12,8 @@ import pinocchio as pin
 
 JOINTS_MAX = 16
 STATES_PER_CHAIN = 3
+# Joints of the trees, whose joints turn or slide and hang on any link before them or on the base.
+TREES = [2, 3, 4, 5, 7, 9, 12, 16, 16, 24]
 # Number of chain -> axes that are exactly along or against z, where a shortest turn to z needs care.
 SPECIAL_AXES = {3: [0.0, 0.0, 1.0], 5: [0.0, 0.0, -1.0]}
 
@@ -59,10 +61,11 @@ def frame_of(frame):
 def pinocchio_model(chain):
     model = pin.Model()
     model.gravity.linear = np.array(chain["gravity_m_s2"])
-    joint = 0
     for number, link in enumerate(chain["links"]):
-        joint_model = pin.JointModelRevoluteUnaligned(np.array(link["axis"]))
-        joint = model.addJoint(joint, joint_model, frame_of(link["origin"]), f"joint{number}")
+        kind = pin.JointModelPrismaticUnaligned if link.get("slides") else pin.JointModelRevoluteUnaligned
+        # the base is Pinocchio's joint 0, so link i is its joint i + 1
+        parent = link.get("parent", number - 1)
+        joint = model.addJoint(parent + 1, kind(np.array(link["axis"])), frame_of(link["origin"]), f"joint{number}")
         inertia = pin.Inertia(link["mass_kg"], np.array(link["centre_of_mass_m"]), np.array(link["inertia_kg_m2"]))
         model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
     return model
@@ -101,12 +104,30 @@ def random_chain(rng, joint_count):
     return chain
 
 
+def random_tree(rng, joint_count):
+    tree = {
+        "gravity_m_s2": (9.81 * unit_vector(rng)).tolist(),
+        "tool": frame_json(random_frame(rng)),
+        "links": [
+            random_link(rng, joint_count)
+            | {"parent": int(rng.integers(max(-1, number - 4), number)), "slides": bool(rng.random() < 0.3)}
+            for number in range(joint_count)
+        ],
+    }
+    model = pinocchio_model(tree)
+    tree["states"] = [random_state(rng, model, frame_of(tree["tool"])) for _ in range(STATES_PER_CHAIN)]
+    return tree
+
+
 def main():
     rng = np.random.default_rng(20240731)
     chains = [random_chain(rng, joint_count) for joint_count in range(1, JOINTS_MAX + 1)]
-    one_per_line = ",\n".join(json.dumps(chain) for chain in chains)
+    trees = [random_tree(rng, joint_count) for joint_count in TREES]
+    one_per_line = [",\n".join(json.dumps(chain) for chain in group) for group in (chains, trees)]
     path = pathlib.Path(__file__).with_suffix(".json")
-    path.write_text(f'{{"pinocchio": "{pin.__version__}", "chains": [\n{one_per_line}\n]}}\n')
+    path.write_text(
+        f'{{"pinocchio": "{pin.__version__}", "chains": [\n{one_per_line[0]}\n], "trees": [\n{one_per_line[1]}\n]}}\n'
+    )
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@
 //! shoulder facing the tool, the elbow up (joint 4 positive) and the wrist bent forward (joint 6 positive).
 //! The formulas run on plain numbers or on dual numbers, which carry exact first and second derivatives along a path.
 
-use joint_model::rigid_body::Chain;
+use joint_model::rigid_body::{Chain, JointKind, Link};
 use nalgebra::{Isometry3, Rotation3, Vector3};
 use num_dual::DualNum;
 
@@ -51,7 +51,8 @@ impl PaTenArm {
                 .rotation
                 .angle()
                 .max((link.axis.into_inner() - axis).norm());
-            if offset > SHAPE_TOLERANCE || turned > SHAPE_TOLERANCE {
+            let is_next = link.parent == Link::serial(index) && link.kind == JointKind::Revolute;
+            if !is_next || offset > SHAPE_TOLERANCE || turned > SHAPE_TOLERANCE {
                 let reason = "is not on the arm's centre line with axes z, y, z, y, z, y, z";
                 return Err(shape(format!("joint {} {reason}", index + 1)));
             }

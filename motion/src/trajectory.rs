@@ -80,6 +80,7 @@ impl Trajectory {
         duration_s: Option<f64>,
         robot: &Robot,
     ) -> Result<Self, MotionError> {
+        robot.check_fits_loop()?;
         let end_s = motion.end_s().map(|end_s| end_s + soft_start_s / 2.0);
         let trajectory = Self {
             motion,

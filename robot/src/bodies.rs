@@ -1,6 +1,6 @@
 //! Effects on the rigid bodies, put into the chain: payload, added link inertia, tilt of the base.
 
-use joint_model::rigid_body::{Chain, ChainError, Link};
+use joint_model::rigid_body::{Chain, ChainError, JointKind, Link};
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
 
 use crate::{Effect, Robot};
@@ -26,7 +26,11 @@ pub fn changed_chain<'a>(
             }
             Effect::LinkInertia { inertia_kg_m2 } => {
                 if let Some(link) = joint.and_then(|joint| links.get_mut(joint)) {
-                    add_ring(link, inertia_kg_m2);
+                    match link.kind {
+                        JointKind::Revolute => add_ring(link, inertia_kg_m2),
+                        // what resists acceleration along the axis is mass
+                        JointKind::Prismatic => link.mass_kg += inertia_kg_m2,
+                    }
                 }
             }
             // the base rolls about its x axis, then pitches about the y axis of the world

@@ -62,10 +62,17 @@ fn optional(place: &Place, key: &str, value: Option<f64>, must: Must) -> Result<
     value.map_or(Ok(()), |value| number(place, key, value, must))
 }
 
+pub fn is_usable_in_name(c: char) -> bool {
+    !c.is_control() && !c.is_whitespace() && !matches!(c, ',' | '.' | '"')
+}
+
+pub fn is_usable_name(name: &str) -> bool {
+    !name.is_empty() && name.chars().all(is_usable_in_name)
+}
+
 /// A name that can stand in a column heading `JOINT.SIGNAL`.
 pub fn name(place: &Place, key: &str, name: &str) -> Result<(), RobotError> {
-    let usable = |c: char| !c.is_control() && !c.is_whitespace() && !matches!(c, ',' | '.' | '"');
-    if !name.is_empty() && name.chars().all(usable) {
+    if is_usable_name(name) {
         return Ok(());
     }
     let rule = "must not be empty nor hold spaces, commas, dots or quotes, because recordings use it in headings";
@@ -333,6 +340,11 @@ pub fn control(file: &str, control: &mut Control, joint_count: usize) -> Result<
     const FILTER_ORDER_MAX: u32 = 10;
     const DELAY_CYCLES_MAX: u32 = 1000;
     let place = Place::new(file, "control");
+    if control.rate_hz == 0.0 {
+        return Err(place.invalid(
+            "rate_hz is missing or 0; give the controller's cycles per second, or kind = \"unknown\" and nothing else",
+        ));
+    }
     let needs_gains = matches!(
         control.kind,
         ControlKind::PdFeedforward | ControlKind::VelocityPi

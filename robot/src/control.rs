@@ -6,7 +6,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ControlKind {
-    /// Proportional and derivative feedback on position, plus [`Control::feedforward`].
+    /// Proportional and derivative feedback on position, plus [`Control::feedforward`]:
+    /// `torque = kp·(reference - position) + kd·(reference velocity - velocity)`, saturated at the joint's torque limit.
+    /// Files may write `pd`, which is the same law: nothing is fed forward unless they say so.
+    #[serde(alias = "pd")]
     PdFeedforward,
     /// Proportional-integral feedback on velocity: `derivative_nm_s_rad` acts on the velocity error and
     /// `proportional_nm_rad` on its integral.
@@ -47,7 +50,9 @@ pub enum Feedforward {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Control {
-    /// Cycles per second, of the recorded controller and of a run that is not told another rate.
+    /// Cycles per second, of the recorded controller and of a run that is not told another rate. A file may leave it out,
+    /// and is then read as 0, where all it says is that the kind is unknown; the robot then has no control at all.
+    #[serde(default)]
     pub rate_hz: f64,
     /// The control law.
     pub kind: ControlKind,
@@ -75,6 +80,22 @@ pub struct Control {
 }
 
 impl Control {
+    /// Whether it says no more than that nothing is known.
+    pub(crate) fn is_silent(&self) -> bool {
+        *self
+            == Self {
+                rate_hz: 0.0,
+                kind: ControlKind::Unknown,
+                proportional_nm_rad: Vec::new(),
+                derivative_nm_s_rad: Vec::new(),
+                feedback: Feedback::default(),
+                feedforward: Feedforward::default(),
+                velocity_filter_hz: 0.0,
+                velocity_filter_order: one(),
+                delay_cycles: one(),
+            }
+    }
+
     /// Whether the law feeds the motion back and is known.
     pub fn is_closed(&self) -> bool {
         matches!(

@@ -1,5 +1,7 @@
 //! Robot files as they are written: the keys of the TOML text, not yet checked or built.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::error::RobotError;
@@ -21,9 +23,15 @@ pub struct RobotFile {
     /// How well the values of the file are known.
     #[serde(default)]
     pub parameter_tolerance: Tolerance,
-    /// URDF with the rigid bodies, relative to the robot file; or `[[link]]` tables instead.
+    /// URDF with the rigid bodies, relative to the robot file; or `mjcf`, or `[[link]]` tables instead.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub urdf: Option<String>,
+    /// MuJoCo model with the rigid bodies, relative to the robot file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mjcf: Option<String>,
+    /// Where joints stand that are none of the robot's, rad or m; at zero where this does not say.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub held: BTreeMap<String, f64>,
     /// Origin of the end-effector frame in the last link's frame.
     #[serde(default)]
     pub tool_origin_m: [f64; 3],
@@ -36,10 +44,11 @@ pub struct RobotFile {
     /// What ran on the robot while it was recorded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control: Option<Control>,
-    /// The serial chain, base to tip, where there is no URDF.
+    /// The links, each after the one it hangs on, where there is no URDF and no MuJoCo model.
     #[serde(default, rename = "link", skip_serializing_if = "Vec::is_empty")]
     pub links: Vec<LinkFile>,
-    /// The drives, matched to the chain by joint name.
+    /// The drives, matched to the chain by joint name. Joints of a URDF that have no table are held, but where there is no
+    /// table at all every joint that moves by itself is one of the robot.
     #[serde(default, rename = "joint")]
     pub joints: Vec<RobotJoint>,
 }
@@ -62,16 +71,37 @@ impl RobotFile {
     }
 }
 
-fn down() -> [f64; 3] {
+pub(crate) fn down() -> [f64; 3] {
     [0.0, 0.0, -9.81]
 }
 
-/// One `[[link]]`: a moving link and the revolute joint that carries it.
+fn direct_drive() -> f64 {
+    1.0
+}
+
+/// How a link's joint moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LinkKind {
+    /// It turns about the axis.
+    #[default]
+    Revolute,
+    /// It slides along the axis: read rad as m and Nm as N wherever the joint is meant.
+    Prismatic,
+}
+
+/// One `[[link]]`: a moving link and the joint that carries it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LinkFile {
     /// Name of the `[[joint]]` that carries the link.
     pub joint: String,
+    /// Joint of the link that this one hangs on, one of those before it, or `base`; the link before it where this is left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parent: Option<String>,
+    /// How the joint moves.
+    #[serde(default)]
+    pub kind: LinkKind,
     /// Joint frame in the parent's.
     #[serde(default)]
     pub origin_m: [f64; 3],
@@ -110,9 +140,11 @@ pub struct InertiaFile {
 pub struct RobotJoint {
     /// The joint's name, which recordings use too.
     pub name: String,
-    /// Motor turns per joint turn.
+    /// Motor turns per joint turn; 1 where the file is silent, a motor on the joint's axis.
+    #[serde(default = "direct_drive")]
     pub gear_ratio: f64,
-    /// Motor side, wave generator included.
+    /// Motor side, wave generator included; 0 where the file is silent.
+    #[serde(default)]
     pub rotor_inertia_kg_m2: f64,
     /// Largest torque the drive gives, motor side.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -153,4 +185,28 @@ pub struct RobotJoint {
     /// What the nominal model already knows.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub effects: Vec<Effect>,
+}
+
+impl RobotJoint {
+    /// A joint of which nothing is known: driven directly, without rotor.
+    pub fn named(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            gear_ratio: direct_drive(),
+            rotor_inertia_kg_m2: 0.0,
+            torque_limit_nm: None,
+            torque_constant_nm_a: None,
+            motor_encoder_resolution_rad: None,
+            link_encoder_resolution_rad: None,
+            position_noise_rad: 0.0,
+            torque_noise_nm: 0.0,
+            position_limit_rad: None,
+            velocity_limit_rad_s: None,
+            direction_friction: None,
+            load_torque: None,
+            friction_table: None,
+            estimators: None,
+            effects: Vec::new(),
+        }
+    }
 }

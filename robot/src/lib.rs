@@ -13,13 +13,19 @@
 #![forbid(unsafe_code)]
 
 mod bodies;
+mod build;
 mod check;
 mod control;
+mod description;
 mod effect;
 mod error;
 pub mod estimators;
 mod file;
+mod hold;
 mod injection;
+mod mass;
+mod mjcf;
+mod model;
 mod nominal;
 mod parse;
 pub mod published;
@@ -28,13 +34,14 @@ mod robot;
 mod table;
 mod tolerance;
 mod urdf;
+mod xml;
 
 pub use bodies::changed_chain;
 pub use control::{Control, ControlKind, Feedback, Feedforward};
 pub use effect::{Effect, EncoderSide};
 pub use error::{Place, RobotError, nearest};
 pub use estimators::EstimatorParameters;
-pub use file::{InertiaFile, LinkFile, RobotFile, RobotJoint};
+pub use file::{InertiaFile, LinkFile, LinkKind, RobotFile, RobotJoint};
 pub use injection::{Injection, load_injection, parse_injection};
 pub use nominal::{FrictionFull, add_friction};
 pub use parse::parse as parse_toml;

@@ -1,297 +1,420 @@
-//! The serial chain in a URDF: revolute joints in a row, fixed joints merged into the links they hang on.
+//! URDF: links, joints and what their drives are known to do, read as ROS reads them.
 
-use joint_model::rigid_body::Link;
-use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
-use urdf_rs::{Joint, JointType, Pose};
+use std::collections::BTreeMap;
 
-use crate::error::{Place, RobotError};
+use joint_model::rigid_body::JointKind;
+use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 
-/// One moving joint of the URDF with the link it carries.
-pub struct UrdfLink {
-    /// Name of the joint.
-    pub joint: String,
-    /// The rigid body.
-    pub link: Link,
-    /// Limits, where the URDF has meaningful ones.
-    pub position_limit_rad: Option<[f64; 2]>,
-    /// Speed limit, where the URDF has a meaningful one.
-    pub velocity_limit_rad_s: Option<f64>,
-}
+use crate::error::RobotError;
+use crate::mass::{MassProperties, isometry};
+use crate::model::{BODIES_MAX, Body, Joint, Mimic, Model};
+use crate::xml::{self, Element};
+use crate::{Effect, RobotJoint};
 
-/// Reads the chain out of the URDF's text.
-pub fn read_chain(text: &str, file: &str) -> Result<Vec<UrdfLink>, RobotError> {
-    let robot = urdf_rs::read_from_string(text).map_err(|error| RobotError::Syntax {
-        place: Box::new(Place::new(file, "")),
-        what: format!("not a valid URDF: {error}"),
-    })?;
-    let tree = Tree {
-        file,
-        robot: &robot,
+/// Elements that a reader takes once, by what they are in; of repeated ones the first counts, as in ROS.
+const ONCE: [(&str, &[&str]); 3] = [
+    ("link", &["inertial"]),
+    ("inertial", &["origin", "mass", "inertia"]),
+    (
+        "joint",
+        &[
+            "origin", "parent", "child", "axis", "limit", "dynamics", "mimic",
+        ],
+    ),
+];
+
+/// Elements that say nothing of masses, joints or drives and are passed over without a note, by what they are in.
+const SILENT: [(&str, &[&str]); 3] = [
+    ("robot", &["material"]),
+    ("link", &["visual", "collision"]),
+    ("joint", &[]),
+];
+
+/// Reads the URDF's text.
+pub fn read(text: &str, file: &str) -> Result<Model, RobotError> {
+    let robot = &xml::parse(text, file)?;
+    if robot.tag() != "robot" {
+        return Err(robot.invalid(format!(
+            "not a URDF: the first element is <{}>, not <robot>",
+            robot.tag()
+        )));
+    }
+    if has_macros(robot) {
+        return Err(xml::refuse_xacro(file));
+    }
+    let tree = Tree::of(robot)?;
+    let reductions = reductions(robot)?;
+    let mut model = Model {
+        name: robot.attribute("name").unwrap_or("robot").to_owned(),
+        gravity_m_s2: None,
+        bodies: Vec::new(),
+        timestep_s: None,
+        notes: notes(robot),
     };
-    tree.check()?;
-    let mut chain = Vec::new();
-    let mut next = tree.rigid_body(tree.root()?)?.next;
-    while let Some((joint, to_joint)) = next {
-        let body = tree.rigid_body(&joint.child.link)?;
-        chain.push(tree.link(joint, to_joint, &body)?);
-        next = body.next;
+    let root = tree.root()?;
+    let mut open = vec![(root, None, None)];
+    // depth first, so that a chain's links follow each other
+    while let Some((link, through, parent)) = open.pop() {
+        let body = tree.body(link, through, parent, &reductions, &mut model.notes)?;
+        model.bodies.push(body);
+        let index = model.bodies.len() - 1;
+        let below = tree.below.get(link).into_iter().flatten().rev();
+        open.extend(below.map(|(joint, child)| (*child, Some(*joint), Some(index))));
     }
-    if chain.is_empty() {
-        return Err(tree
-            .place("")
-            .invalid("no revolute or continuous joint found; a robot needs at least one"));
+    if model.bodies.len() < tree.links.len() {
+        return Err(tree.not_connected(root));
     }
-    Ok(chain)
+    if model.joints().next().is_none() {
+        return Err(robot.invalid("no joint that moves; a robot needs at least one"));
+    }
+    Ok(model)
 }
 
+fn has_macros(robot: &Element) -> bool {
+    let mut open = vec![robot];
+    while let Some(element) = open.pop() {
+        if element.namespace().contains("xacro") {
+            return true;
+        }
+        open.extend(element.children());
+    }
+    false
+}
+
+/// What is repeated, and what is not read, each kind once; in the file's order.
+fn notes(robot: &Element) -> Vec<String> {
+    let mut notes: Vec<(usize, String)> = Vec::new();
+    let mut unread: BTreeMap<(&str, &str), (usize, &Element)> = BTreeMap::new();
+    let mut open = vec![robot];
+    while let Some(element) = open.pop() {
+        for tag in listed(&ONCE, element.tag()) {
+            if let Some(second) = element.all(tag).nth(1) {
+                let words = "repeated; the first one counts, as in ROS";
+                notes.push((second.line(), second.note(words)));
+            }
+        }
+        let known = match element.tag() {
+            "robot" => &["link", "joint", "transmission"][..],
+            tag => listed(&ONCE, tag),
+        };
+        for child in element.children() {
+            if known.contains(&child.tag()) {
+                open.push(child);
+            } else if let Some((_, silent)) = SILENT.iter().find(|(tag, _)| *tag == element.tag())
+                && !silent.contains(&child.tag())
+            {
+                let key = (element.tag(), child.tag());
+                let (count, first) = unread.entry(key).or_insert((0, child));
+                *count += 1;
+                if child.line() < first.line() {
+                    *first = child;
+                }
+            }
+        }
+    }
+    for ((_, tag), (count, first)) in unread {
+        let times = if count > 1 {
+            format!(", {count} times")
+        } else {
+            String::new()
+        };
+        notes.push((
+            first.line(),
+            first.note(&format!("<{tag}> is not read{times}")),
+        ));
+    }
+    notes.sort();
+    notes.into_iter().map(|(_, note)| note).collect()
+}
+
+fn listed<'a>(table: &[(&str, &'a [&'a str])], tag: &str) -> &'a [&'a str] {
+    table
+        .iter()
+        .find(|(parent, _)| *parent == tag)
+        .map_or(&[], |(_, children)| children)
+}
+
+/// Gear ratios of the transmissions, by joint.
+fn reductions(robot: &Element) -> Result<BTreeMap<&str, f64>, RobotError> {
+    let mut ratios = BTreeMap::new();
+    for transmission in robot.all("transmission") {
+        let Some(joint) = transmission.child("joint") else {
+            continue;
+        };
+        let places = [
+            Some(joint),
+            transmission.child("actuator"),
+            Some(transmission),
+        ];
+        let reduction = places
+            .into_iter()
+            .flatten()
+            .find_map(|place| place.child("mechanicalReduction"));
+        if let (Some(name), Some(reduction)) = (joint.attribute("name"), reduction) {
+            let values = xml::numbers(reduction, "mechanicalReduction", reduction.text())?;
+            let ratio = values.first().copied().unwrap_or(1.0).abs();
+            if ratio == 0.0 {
+                return Err(reduction.invalid("a reduction must not be 0"));
+            }
+            ratios.insert(name, ratio);
+        }
+    }
+    Ok(ratios)
+}
+
+/// Links by name, and the joints below each.
 struct Tree<'a> {
-    file: &'a str,
-    robot: &'a urdf_rs::Robot,
-}
-
-/// One link as part of a body, in the body's frame.
-struct Part {
-    mass_kg: f64,
-    centre_m: Vector3<f64>,
-    inertia_kg_m2: Matrix3<f64>,
-}
-
-/// A link with all that is fixed to it, in the link's frame.
-struct Body<'a> {
-    mass_kg: f64,
-    centre_m: Vector3<f64>,
-    inertia_kg_m2: Matrix3<f64>,
-    /// The moving joint at its end, and the pose of that joint's frame.
-    next: Option<(&'a Joint, Isometry3<f64>)>,
+    robot: &'a Element,
+    links: BTreeMap<&'a str, &'a Element>,
+    /// Links in the file's order.
+    order: Vec<&'a str>,
+    below: BTreeMap<&'a str, Vec<(&'a Element, &'a str)>>,
+    parents: BTreeMap<&'a str, &'a str>,
 }
 
 impl<'a> Tree<'a> {
-    fn place(&self, within: &str) -> Place {
-        Place::new(self.file, within)
-    }
-
-    /// Every joint connects links that exist, every link has one parent at most.
-    fn check(&self) -> Result<(), RobotError> {
-        let links: Vec<String> = self
-            .robot
-            .links
-            .iter()
-            .map(|link| link.name.clone())
-            .collect();
-        if let Some(twice) = (1..links.len()).find(|index| links[..*index].contains(&links[*index]))
-        {
-            let place = self.place(&format!("link `{}`", links[twice]));
-            return Err(place.invalid("two links have this name; give each its own"));
-        }
-        let mut children: Vec<&str> = Vec::new();
-        for joint in &self.robot.joints {
-            let place = self.place(&format!("joint `{}`", joint.name));
-            for end in [&joint.parent.link, &joint.child.link] {
-                if !links.contains(end) {
-                    return Err(place.unknown("link", end, &links));
-                }
+    fn of(robot: &'a Element) -> Result<Self, RobotError> {
+        let mut tree = Self {
+            robot,
+            links: BTreeMap::new(),
+            order: Vec::new(),
+            below: BTreeMap::new(),
+            parents: BTreeMap::new(),
+        };
+        for link in robot.all("link") {
+            let name = link.required("name")?;
+            if tree.links.insert(name, link).is_some() {
+                return Err(link.invalid("two links have this name; give each its own"));
             }
-            if children.contains(&joint.child.link.as_str()) {
-                return Err(place.invalid(format!(
-                    "link `{}` has two parents; only serial chains are supported",
-                    joint.child.link
+            tree.order.push(name);
+        }
+        if tree.order.len() > BODIES_MAX {
+            return Err(robot.invalid(format!("more than {BODIES_MAX} links")));
+        }
+        let mut joints: Vec<&str> = Vec::new();
+        for joint in robot.all("joint") {
+            let name = joint.required("name")?;
+            if joints.contains(&name) {
+                return Err(joint.invalid("two joints have this name; give each its own"));
+            }
+            joints.push(name);
+            let [parent, child] = [tree.end(joint, "parent")?, tree.end(joint, "child")?];
+            if tree.parents.insert(child, parent).is_some() {
+                return Err(joint.invalid(format!(
+                    "link `{child}` has two parents; remove the joint that closes the loop"
                 )));
             }
-            children.push(&joint.child.link);
+            tree.below.entry(parent).or_default().push((joint, child));
         }
-        Ok(())
+        Ok(tree)
+    }
+
+    fn end(&self, joint: &'a Element, tag: &'a str) -> Result<&'a str, RobotError> {
+        let end = joint
+            .child(tag)
+            .ok_or_else(|| joint.invalid(format!("<{tag} link=\"…\"/> is missing, add it")))?;
+        let name = end.required("link")?;
+        if self.links.contains_key(name) {
+            return Ok(name);
+        }
+        let known: Vec<String> = self.order.iter().map(|link| (*link).to_owned()).collect();
+        Err(joint.place().unknown("link", name, &known))
     }
 
     fn root(&self) -> Result<&'a str, RobotError> {
-        let is_child = |name: &str| {
-            self.robot
-                .joints
-                .iter()
-                .any(|joint| joint.child.link == name)
-        };
         let roots: Vec<&str> = self
-            .robot
-            .links
+            .order
             .iter()
-            .map(|link| link.name.as_str())
-            .filter(|name| !is_child(name))
+            .copied()
+            .filter(|link| !self.parents.contains_key(link))
             .collect();
         match roots.as_slice() {
-            [root] => self.all_hang_on(root).map(|()| *root),
+            [root] => Ok(*root),
             [] => Err(self
-                .place("")
+                .robot
                 .invalid("no base link: every link is a joint's child, so the joints form a loop")),
-            _ => {
-                let roots = roots.join("`, `");
-                Err(self.place("").invalid(format!(
-                    "several base links: `{roots}`; connect them, or remove all but one"
-                )))
-            }
+            _ => Err(self.robot.invalid(format!(
+                "several base links: `{}`; connect them, or remove all but one",
+                roots.join("`, `")
+            ))),
         }
     }
 
     /// With one parent each, links that cannot be reached from the base form loops.
-    fn all_hang_on(&self, root: &str) -> Result<(), RobotError> {
-        let mut reached = vec![root];
-        let mut next = 0;
-        while let Some(name) = reached.get(next).copied() {
-            let below = self
-                .robot
-                .joints
-                .iter()
-                .filter(|joint| joint.parent.link == name);
-            reached.extend(below.map(|joint| joint.child.link.as_str()));
-            next += 1;
-        }
-        match self
-            .robot
-            .links
-            .iter()
-            .find(|link| !reached.contains(&link.name.as_str()))
-        {
-            Some(link) => {
-                let place = self.place(&format!("link `{}`", link.name));
-                Err(place.invalid(format!(
-                    "not connected to the base link `{root}` but part of a loop; break the loop"
-                )))
-            }
-            None => Ok(()),
-        }
-    }
-
-    /// Merges the links that are fixed to `base`. Links were checked to have one parent, so this ends.
-    fn rigid_body(&self, base: &str) -> Result<Body<'a>, RobotError> {
-        let mut parts: Vec<Part> = Vec::new();
-        let mut moving: Vec<(&Joint, Isometry3<f64>)> = Vec::new();
-        let mut open = vec![(base, Isometry3::identity())];
-        while let Some((name, pose)) = open.pop() {
-            parts.extend(self.part(name, &pose)?);
-            for joint in self
-                .robot
-                .joints
-                .iter()
-                .filter(|joint| joint.parent.link == name)
-            {
-                let to_joint = pose * isometry(&joint.origin);
-                match joint.joint_type {
-                    JointType::Fixed => open.push((&joint.child.link, to_joint)),
-                    JointType::Revolute | JointType::Continuous => moving.push((joint, to_joint)),
-                    ref other => {
-                        let place = self.place(&format!("joint `{}`", joint.name));
-                        let other = format!("{other:?}").to_lowercase();
-                        return Err(place.invalid(format!(
-                            "type {other} is not supported; make it revolute, continuous or fixed"
-                        )));
-                    }
+    fn not_connected(&self, root: &str) -> RobotError {
+        let reaches = |link: &str| {
+            let mut above = link;
+            for _ in 0..self.links.len() {
+                match self.parents.get(above) {
+                    Some(parent) => above = parent,
+                    None => return true,
                 }
             }
-        }
-        if moving.len() > 1 {
-            let names: Vec<&str> = moving
-                .iter()
-                .map(|(joint, _)| joint.name.as_str())
-                .collect();
-            let what = format!(
-                "joints `{}` all hang on link `{base}`; only serial chains are supported, make all but one fixed",
-                names.join("`, `")
-            );
-            return Err(self.place("").invalid(what));
-        }
-        Ok(merge(&parts, moving.pop()))
-    }
-
-    /// Mass, centre and inertia of one link in the body's frame; nothing where the link has no mass.
-    fn part(&self, name: &str, pose: &Isometry3<f64>) -> Result<Option<Part>, RobotError> {
-        let Some(link) = self.robot.links.iter().find(|link| link.name == name) else {
-            return Ok(None);
+            false
         };
-        let to_centre = pose * isometry(&link.inertial.origin);
-        let i = &link.inertial.inertia;
-        let about_centre = Matrix3::new(
-            i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz,
-        );
-        let turn = to_centre.rotation.to_rotation_matrix();
-        let inertia_kg_m2 = turn * about_centre * turn.transpose();
-        let centre_m = to_centre.translation.vector;
-        let mass_kg = link.inertial.mass.value;
-        let finite =
-            mass_kg.is_finite() && inertia_kg_m2.iter().chain(&centre_m).all(|x| x.is_finite());
-        if !finite || mass_kg < 0.0 {
-            let place = self.place(&format!("link `{name}`"));
-            let rule = "must be zero or above, and origin and inertia finite";
-            return Err(place.invalid(format!("mass {mass_kg} kg {rule}")));
-        }
-        Ok((mass_kg > 0.0).then_some(Part {
-            mass_kg,
-            centre_m,
-            inertia_kg_m2,
-        }))
+        let link = self.order.iter().find(|link| !reaches(link));
+        let at = link.map_or(self.robot, |link| self.links[link]);
+        at.invalid(format!(
+            "not connected to the base link `{root}` but part of a loop; break the loop"
+        ))
     }
 
-    fn link(
+    fn body(
         &self,
-        joint: &Joint,
-        origin: Isometry3<f64>,
-        body: &Body,
-    ) -> Result<UrdfLink, RobotError> {
-        let place = self.place(&format!("joint `{}`", joint.name));
-        if joint.mimic.is_some() {
-            return Err(place.invalid("mimic joints are not supported; make it fixed"));
-        }
-        let axis = Unit::try_new(Vector3::from(joint.axis.xyz.0), 1e-9)
-            .filter(|axis| axis.iter().all(|x| x.is_finite()))
-            .ok_or_else(|| {
-                place.invalid(format!(
-                    "axis {:?} must be finite and not zero",
-                    joint.axis.xyz.0
-                ))
-            })?;
-        let (low, high, speed) = (joint.limit.lower, joint.limit.upper, joint.limit.velocity);
-        let limited = joint.joint_type == JointType::Revolute
-            && low.is_finite()
-            && high.is_finite()
-            && low < high;
-        Ok(UrdfLink {
-            joint: joint.name.clone(),
-            link: Link {
-                origin,
-                axis,
-                mass_kg: body.mass_kg,
-                centre_of_mass_m: body.centre_m,
-                inertia_kg_m2: body.inertia_kg_m2,
-            },
-            position_limit_rad: limited.then_some([low, high]),
-            velocity_limit_rad_s: (speed.is_finite() && speed > 0.0).then_some(speed),
+        link: &str,
+        through: Option<&'a Element>,
+        parent: Option<usize>,
+        reductions: &BTreeMap<&str, f64>,
+        notes: &mut Vec<String>,
+    ) -> Result<Body, RobotError> {
+        let mass = mass_properties(self.links[link], notes)?;
+        let Some(joint) = through else {
+            return Ok(Body {
+                place: self.links[link].place(),
+                parent,
+                origin: Isometry3::identity(),
+                joint: None,
+                mass,
+            });
+        };
+        Ok(Body {
+            place: self.links[link].place(),
+            parent,
+            origin: origin_of(joint)?,
+            joint: moving_joint(joint, reductions, notes)?,
+            mass,
         })
     }
 }
 
-fn isometry(pose: &Pose) -> Isometry3<f64> {
-    let [roll, pitch, yaw] = pose.rpy.0;
-    Isometry3::from_parts(
-        Translation3::from(pose.xyz.0),
-        UnitQuaternion::from_euler_angles(roll, pitch, yaw),
-    )
+fn origin_of(element: &Element) -> Result<Isometry3<f64>, RobotError> {
+    let Some(origin) = element.child("origin") else {
+        return Ok(Isometry3::identity());
+    };
+    Ok(isometry(
+        origin.numbers("xyz")?.unwrap_or_default(),
+        origin.numbers("rpy")?.unwrap_or_default(),
+    ))
 }
 
-/// Adds the parts up about their common centre (parallel-axis theorem).
-fn merge<'a>(parts: &[Part], next: Option<(&'a Joint, Isometry3<f64>)>) -> Body<'a> {
-    let mass_kg: f64 = parts.iter().map(|part| part.mass_kg).sum();
-    let moment: Vector3<f64> = parts.iter().map(|part| part.centre_m * part.mass_kg).sum();
-    let centre_m = if mass_kg > 0.0 {
-        moment / mass_kg
-    } else {
-        Vector3::zeros()
+fn mass_properties(link: &Element, notes: &mut Vec<String>) -> Result<MassProperties, RobotError> {
+    let Some(inertial) = link.child("inertial") else {
+        return Ok(MassProperties::none());
     };
-    let about_common_centre = |part: &Part| {
-        let lever = part.centre_m - centre_m;
-        let shift = Matrix3::identity() * lever.norm_squared() - lever * lever.transpose();
-        part.inertia_kg_m2 + part.mass_kg * shift
+    let mass_kg = match inertial.child("mass") {
+        Some(mass) => mass.number("value")?.unwrap_or(0.0),
+        None => 0.0,
     };
-    Body {
-        mass_kg,
-        centre_m,
-        inertia_kg_m2: parts.iter().map(about_common_centre).sum(),
-        next,
+    if mass_kg < 0.0 {
+        return Err(link.invalid(format!("mass {mass_kg} kg must be zero or above")));
     }
+    let mut inertia_kg_m2 = Matrix3::zeros();
+    if let Some(inertia) = inertial.child("inertia") {
+        let element = |key: &str| Ok(inertia.number(key)?.unwrap_or(0.0));
+        let [xy, xz, yz] = [element("ixy")?, element("ixz")?, element("iyz")?];
+        inertia_kg_m2 = Matrix3::new(
+            element("ixx")?,
+            xy,
+            xz,
+            xy,
+            element("iyy")?,
+            yz,
+            xz,
+            yz,
+            element("izz")?,
+        );
+    }
+    if mass_kg == 0.0 && inertia_kg_m2 != Matrix3::zeros() {
+        notes.push(link.note("inertia without mass, which no body has"));
+    } else if !joint_model::rigid_body::is_inertia_of_a_body(&inertia_kg_m2) {
+        notes.push(link.note("doubtful: no body has this inertia"));
+    }
+    let about_itself = MassProperties {
+        mass_kg,
+        centre_m: Vector3::zeros(),
+        inertia_kg_m2,
+    };
+    Ok(about_itself.seen_from(&origin_of(inertial)?))
+}
+
+/// `None` where the joint is fixed or taken as fixed.
+fn moving_joint(
+    joint: &Element,
+    reductions: &BTreeMap<&str, f64>,
+    notes: &mut Vec<String>,
+) -> Result<Option<Joint>, RobotError> {
+    let name = joint.required("name")?;
+    let kind = match joint.required("type")? {
+        "fixed" => return Ok(None),
+        "revolute" | "continuous" => JointKind::Revolute,
+        "prismatic" => JointKind::Prismatic,
+        floating @ ("floating" | "planar") => {
+            notes.push(joint.note(&format!("{floating}, taken as fixed where it stands")));
+            return Ok(None);
+        }
+        other => {
+            return Err(joint.invalid(format!(
+                "type {other} is not known; make it revolute, continuous, prismatic or fixed"
+            )));
+        }
+    };
+    let axis = match joint.child("axis") {
+        Some(axis) => axis.numbers("xyz")?.unwrap_or([1.0, 0.0, 0.0]),
+        None => [1.0, 0.0, 0.0],
+    };
+    let unit_axis = Unit::try_new(Vector3::from(axis), 1e-9)
+        .ok_or_else(|| joint.invalid(format!("axis {axis:?} must not be zero")))?;
+    let mimic = match joint.child("mimic") {
+        Some(mimic) => Some(Mimic {
+            joint: mimic.required("joint")?.to_owned(),
+            multiplier: mimic.number("multiplier")?.unwrap_or(1.0),
+            offset: mimic.number("offset")?.unwrap_or(0.0),
+        }),
+        None => None,
+    };
+    let mut drive = RobotJoint::named(name);
+    if let Some(ratio) = reductions.get(name) {
+        drive.gear_ratio = *ratio;
+    }
+    limits(joint, &mut drive)?;
+    drive.effects = friction(joint)?;
+    Ok(Some(Joint {
+        place: joint.place(),
+        kind,
+        axis: unit_axis,
+        mimic,
+        drive,
+        law: None,
+    }))
+}
+
+/// Limits, where they mean something: many files write zeros where they know none.
+fn limits(joint: &Element, drive: &mut RobotJoint) -> Result<(), RobotError> {
+    let Some(limit) = joint.child("limit") else {
+        return Ok(());
+    };
+    let positive = |key: &str| Ok(limit.finite(key)?.filter(|value| *value > 0.0));
+    drive.velocity_limit_rad_s = positive("velocity")?;
+    drive.torque_limit_nm = positive("effort")?.map(|effort_nm: f64| effort_nm / drive.gear_ratio);
+    let ends = [limit.finite("lower")?, limit.finite("upper")?].map(Option::unwrap_or_default);
+    let limited = joint.attribute("type") != Some("continuous") && ends[0] < ends[1];
+    drive.position_limit_rad = limited.then_some(ends);
+    Ok(())
+}
+
+fn friction(joint: &Element) -> Result<Vec<Effect>, RobotError> {
+    let Some(dynamics) = joint.child("dynamics") else {
+        return Ok(Vec::new());
+    };
+    let known = |key: &str| -> Result<Option<f64>, RobotError> {
+        let value = dynamics.number(key)?.filter(|value| *value != 0.0);
+        match value.filter(|value| *value < 0.0) {
+            Some(value) => Err(dynamics.invalid(format!("{key} = {value} must be zero or above"))),
+            None => Ok(value),
+        }
+    };
+    let viscous =
+        known("damping")?.map(|viscous_nm_s_rad| Effect::ViscousFriction { viscous_nm_s_rad });
+    let coulomb = known("friction")?.map(|coulomb_nm| Effect::CoulombFriction { coulomb_nm });
+    Ok(coulomb.into_iter().chain(viscous).collect())
 }

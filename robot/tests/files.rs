@@ -1,7 +1,10 @@
 //! Robot and injection files as people write them: accepted, or refused in one line that helps.
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use robot::{Effect, Robot, RobotError, RobotFile, RobotJoint, Source, load, parse_injection};
+use joint_model::rigid_body::{Chain, JointKind};
+use robot::{
+    ControlKind, Effect, Robot, RobotError, RobotFile, RobotJoint, Source, load, parse_injection,
+};
 
 const BENCH: &str = r#"
 name = "bench"
@@ -79,6 +82,101 @@ fn joints_and_gains_follow_the_chain() {
 }
 
 #[test]
+fn a_joint_without_drive_is_driven_directly() {
+    let bare = BENCH
+        .replace("gear_ratio = 50.0\n", "")
+        .replace("rotor_inertia_kg_m2 = 1e-5\n", "");
+    let elbow = &read(&bare).unwrap().joints[1];
+    assert_eq!((elbow.gear_ratio, elbow.rotor_inertia_kg_m2), (1.0, 0.0));
+}
+
+/// The bench with another `[control]` table.
+fn with_control(table: &str) -> String {
+    let (start, _) = BENCH.split_once("[control]").unwrap();
+    format!("{start}[control]\n{table}")
+}
+
+#[test]
+fn an_unknown_controller_may_say_nothing_else() {
+    assert_eq!(
+        read(&with_control("kind = \"unknown\"")).unwrap().control,
+        None
+    );
+    let with_rate = with_control("kind = \"unknown\"\nrate_hz = 500.0");
+    let control = read(&with_rate).unwrap().control.unwrap();
+    assert_eq!(
+        (control.kind, control.rate_hz),
+        (ControlKind::Unknown, 500.0)
+    );
+    for table in [
+        "kind = \"unknown\"\ndelay_cycles = 2",
+        "kind = \"open_loop_torque\"",
+    ] {
+        let message = read(&with_control(table)).unwrap_err().to_string();
+        assert_says(&message, &["control", "rate_hz is missing"]);
+    }
+}
+
+#[test]
+fn pd_is_feedback_with_nothing_fed_forward() {
+    let gains =
+        "proportional_nm_rad = [10.0, 40.0]\nderivative_nm_s_rad = [1.0, 4.0]\nrate_hz = 500.0";
+    let pd = read(&with_control(&format!("kind = \"pd\"\n{gains}")));
+    let same = read(&with_control(&format!(
+        "kind = \"pd_feedforward\"\nfeedforward = \"none\"\n{gains}"
+    )));
+    assert_eq!(pd.unwrap().control, same.unwrap().control);
+}
+
+#[test]
+fn links_may_slide_and_hang_on_any_link_before_them() {
+    let elbow = "joint = \"elbow\"";
+    let slide = BENCH.replacen(elbow, &format!("{elbow}\nkind = \"prismatic\""), 1);
+    let links = read(&slide).unwrap().chain.links().to_vec();
+    assert_eq!(
+        (links[1].kind, links[1].parent),
+        (JointKind::Prismatic, Some(0))
+    );
+    let on = |parent: &str| BENCH.replacen(elbow, &format!("{elbow}\nparent = \"{parent}\""), 1);
+    assert_eq!(read(&on("base")).unwrap().chain.links()[1].parent, None);
+    assert_eq!(
+        read(&on("shoulder")).unwrap().chain.links()[1].parent,
+        Some(0)
+    );
+    assert_says(
+        &read(&on("sholder")).unwrap_err().to_string(),
+        &[
+            "link `elbow`",
+            "unknown parent among the links before it `sholder`",
+            "did you mean `shoulder`?",
+        ],
+    );
+}
+
+#[test]
+fn what_resists_a_slide_is_mass() {
+    let elbow = "joint = \"elbow\"";
+    let slide = BENCH.replacen(elbow, &format!("{elbow}\nkind = \"prismatic\""), 1);
+    let coulomb = "{ effect = \"coulomb_friction\", coulomb_nm = 1.0 }";
+    let heavier = slide.replacen(
+        coulomb,
+        "{ effect = \"link_inertia\", inertia_kg_m2 = 3.0 }",
+        1,
+    );
+    let robot = read(&heavier).unwrap();
+    let force_n = |chain: &Chain| {
+        let mut force_n = [0.0; 2];
+        chain.inverse_dynamics(&[0.3, 0.1], &[0.0; 2], &[0.0, 1.0], &mut force_n);
+        let mut holding_n = [0.0; 2];
+        chain.gravity_torque(&[0.3, 0.1], &mut holding_n);
+        force_n[1] - holding_n[1]
+    };
+    // 1 kg of the link and a payload of 0.5 kg
+    assert!((force_n(&robot.chain) - 1.0).abs() < 1e-12);
+    assert!((force_n(&robot.loaded_chain().unwrap()) - 4.5).abs() < 1e-12);
+}
+
+#[test]
 fn a_payload_is_the_arms_wherever_it_is_written() {
     let robot = read(BENCH).unwrap();
     assert_eq!(
@@ -137,10 +235,14 @@ fn unknown_keys_are_named_with_place_and_nearest_key() {
     );
     let inertia = refused("zz = 0.002", "zy = 0.002");
     assert_says(&inertia, &["link `elbow`", "inertia_kg_m2", "`zy`"]);
-    let kind = refused("pd_feedforward", "pd");
+    let kind = refused("pd_feedforward", "pd_feed_forward");
     assert_says(
         &kind,
-        &["control, kind", "`pd`", "did you mean `pd_feedforward`?"],
+        &[
+            "control, kind",
+            "`pd_feed_forward`",
+            "did you mean `pd_feedforward`?",
+        ],
     );
     let tolerance = refused("mass_kg = 0.1 }", "mass = 0.1 }");
     assert_says(
@@ -160,8 +262,8 @@ fn malformed_text_is_refused_with_its_line() {
         &["line 23", "joint `elbow`, gear_ratio"],
     );
     assert_says(
-        &refused("gear_ratio = 50.0\n", "\n"),
-        &["joint `elbow`", "`gear_ratio` is missing, add it"],
+        &refused("mass_kg = 1.0\n", "\n"),
+        &["link `elbow`", "`mass_kg` is missing, add it"],
     );
     assert_says(
         &refused("[0, 2, 0]", "[0, 2]"),
@@ -209,7 +311,7 @@ fn impossible_values_are_named_with_what_is_allowed() {
         (
             "rate_hz = 1000.0",
             "rate_hz = 0",
-            ["control", "rate_hz = 0 must be above zero"],
+            ["control", "rate_hz is missing or 0; give"],
         ),
         (
             "[10.0, 40.0]",

@@ -17,6 +17,13 @@ const URDF: &str = r#"<robot name="arm"><link name="base"/><link name="upper"><i
 <limit lower="-1" upper="1" effort="10" velocity="2"/></joint>
 <joint name="end" type="fixed"><parent link="upper"/><child link="tip"/></joint></robot>"#;
 const URDF_ROBOT: &str = "name = \"arm\"\nurdf = \"arm.urdf\"\n[[joint]]\nname = \"q1\"\ngear_ratio = 50.0\nrotor_inertia_kg_m2 = 1e-5\n";
+const MJCF: &str = r#"<mujoco model="arm"><compiler angle="radian" eulerseq="zyx" boundinertia="1e-6"/><option gravity="0 0 -9.8"/>
+<default><joint damping="0.5"/><default class="x"><geom type="capsule" size="0.1 0.2"/></default></default>
+<worldbody><body name="l1" pos="0 0 1" euler="0.1 0.2 0.3"><joint name="a" axis="0 1 0" range="-2 2" ref="0.1"/>
+<inertial pos="0 0 -0.25" mass="2" fullinertia="0.02 0.02 0.01 0 0 0"/><body childclass="x" zaxis="0 1 0"><joint name="b" type="slide"/>
+<geom fromto="0 0 0 0 0 1"/><geom type="box" size="0.1 0.1 0.1" density="10"/></body></body></worldbody>
+<equality><joint joint1="b" joint2="a" polycoef="0 0.5"/></equality>
+<actuator><position joint="a" kp="3" kv="1" forcerange="-6 6"/><general joint="b" gainprm="2" biastype="affine" biasprm="0 -2 -1"/></actuator></mujoco>"#;
 static SHD17: LazyLock<Robot> = LazyLock::new(|| load("shd17").expect("shipped"));
 
 /// The text with some stretches removed, doubled or overwritten.
@@ -57,6 +64,17 @@ proptest! {
         std::fs::write(&path, URDF_ROBOT).unwrap();
         if let Err(error) = load(path.to_str().unwrap()) {
             prop_assert!(!error.to_string().contains('\n'), "{error}");
+        }
+    }
+
+    #[test]
+    fn mangled_models(wounds in wounds()) {
+        for (name, text) in [("own.urdf", URDF), ("own.xml", MJCF)] {
+            let path = folder().join(name);
+            std::fs::write(&path, mangle(text, &wounds)).unwrap();
+            if let Err(error) = load(path.to_str().unwrap()) {
+                prop_assert!(!error.to_string().contains('\n'), "{error}");
+            }
         }
     }
 

@@ -6,6 +6,8 @@ use std::time::Duration;
 use ::blind::CaseKind;
 use clap::{Args, Subcommand, ValueEnum};
 
+use super::GapEngine;
+
 /// `flexspline gap blind`
 #[derive(Debug, Subcommand)]
 #[command(after_help = "\
@@ -38,6 +40,9 @@ pub struct BlindRunArguments {
     /// Predict by a simpler method instead, for comparison
     #[arg(long, value_enum, value_name = "METHOD")]
     pub baseline: Option<BaselineMethod>,
+    /// What to hold the recordings against, as `gap diagnose` has it
+    #[arg(long, value_name = "NAME", conflicts_with = "baseline")]
+    pub engine: Option<GapEngine>,
     /// Where to write what was done as JSON; - for standard output
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueEnum};
 
 use super::BlindCommand;
 
@@ -48,9 +48,42 @@ pub struct GapDiagnoseArguments {
     /// Folder for report.json and report.html
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Share of a joint's gap below which an effect is told apart as a minor one
+    #[arg(long, value_name = "SHARE", default_value_t = gap_diagnosis::Options::default().materiality, value_parser = share)]
+    pub materiality: f64,
+    /// What to hold the recording against; by default a simulation where the robot file tells controller and encoders, else the
+    /// recorded motion
+    #[arg(long, value_name = "NAME")]
+    pub engine: Option<GapEngine>,
     /// Where to write the report as JSON too; - for standard output
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
+}
+
+/// What a recording is held against.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum GapEngine {
+    /// Inverse dynamics of the recorded motion
+    Motion,
+    /// A simulation in the controller's loop
+    Simulation,
+}
+
+impl From<GapEngine> for gap_diagnosis::Engine {
+    fn from(engine: GapEngine) -> Self {
+        match engine {
+            GapEngine::Motion => Self::Motion,
+            GapEngine::Simulation => Self::Simulation,
+        }
+    }
+}
+
+/// A part of one.
+fn share(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(share) if (0.0..1.0).contains(&share) => Ok(share),
+        _ => Err("a share is a number from 0 to below 1, such as 0.02".to_owned()),
+    }
 }
 
 /// `flexspline gap apply`

@@ -82,7 +82,7 @@ pub struct RunArguments {
     /// How loop and services wait for each other: sleeping, or spinning on cores of their own
     #[arg(long, value_enum, default_value_t = WaitArgument::Block)]
     pub wait: WaitArgument,
-    /// Cycles a second; control.rate_hz of the robot file if not given, 1500 where it has no [control]
+    /// Cycles a second; control.rate_hz of the robot file if not given, 1500 where it has no `[control]`
     #[arg(long, value_name = "HZ")]
     pub rate: Option<f64>,
     /// Core that the loop has to itself; the last one if not given

@@ -74,6 +74,7 @@ pub struct Traces {
 /// [`CliError::Input`] for bad input.
 pub fn compare(arguments: &CompareArguments) -> Result<(), CliError> {
     let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
+    robot.check_fits_loop().map_err(CliError::input)?;
     let mut joints = Vec::new();
     for path in &arguments.recording {
         let recording = read(path)?;

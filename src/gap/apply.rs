@@ -60,7 +60,7 @@ pub fn apply(arguments: &GapApplyArguments) -> Result<(), CliError> {
             arguments.report.display()
         )));
     }
-    let text = with_urdf(text, &source, &arguments.out)?;
+    let text = with_description(text, &source, &arguments.out)?;
     check(&text, &arguments.out)?;
     write_text(&arguments.out, &text)?;
     tell(arguments, &changes)
@@ -114,22 +114,25 @@ fn check(text: &str, path: &Path) -> Result<(), CliError> {
         })
 }
 
-/// A URDF is named relative to its robot file; from another folder it needs its whole path.
-fn with_urdf(text: String, source: &Source, out: &Path) -> Result<String, CliError> {
+/// A URDF or a MuJoCo model is named relative to its robot file; from another folder it needs its whole path.
+fn with_description(text: String, source: &Source, out: &Path) -> Result<String, CliError> {
     let Source::File(from) = source else {
         return Ok(text);
     };
     let folder = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
     let mut document: DocumentMut = text.parse().map_err(CliError::input)?;
-    let Some(urdf) = document.get("urdf").and_then(Item::as_str) else {
+    let named = ["urdf", "mjcf"]
+        .into_iter()
+        .find_map(|key| Some((key, document.get(key)?.as_str()?)));
+    let Some((key, name)) = named else {
         return Ok(text);
     };
     if folder(from) == folder(out) {
         return Ok(text);
     }
-    let whole = fs::canonicalize(folder(from).join(urdf))
-        .map_err(|error| CliError::Input(format!("{}: urdf {urdf}: {error}", from.display())))?;
-    document["urdf"] = toml_edit::value(whole.display().to_string());
+    let whole = fs::canonicalize(folder(from).join(name))
+        .map_err(|error| CliError::Input(format!("{}: {key} {name}: {error}", from.display())))?;
+    document[key] = toml_edit::value(whole.display().to_string());
     Ok(document.to_string())
 }
 

@@ -5,13 +5,13 @@ use std::fs;
 use std::path::Path;
 
 use comfy_table::{Table, presets};
-use gap_diagnosis::Diagnosis;
-use gap_diagnosis::report::{JointReport, Report, Verdict};
+use gap_diagnosis::report::{DataFinding, JointReport, NamedEffect, Report, Verdict};
+use gap_diagnosis::{Diagnosis, Engine, Options};
 use indicatif::{ProgressBar, ProgressStyle};
 use report::number;
 
 use super::page;
-use super::page::words::{sentence, verdict_in_words};
+use super::page::words::{sentence, verdict_in_words, with_value};
 use crate::cli::GapDiagnoseArguments;
 use crate::error::CliError;
 use crate::output::{cannot_write, print, write_json, write_text};
@@ -27,8 +27,17 @@ pub fn diagnose(arguments: &GapDiagnoseArguments) -> Result<(), CliError> {
         .iter()
         .map(|path| super::read_mapped(path, arguments.mapping.as_deref()))
         .collect::<Result<Vec<_>, _>>()?;
+    let recorded: Vec<&str> = recordings
+        .iter()
+        .flat_map(|(_, recording)| recording.joint_names())
+        .collect();
+    let robot = robot.moving_only(&recorded).map_err(CliError::input)?;
     let bar = progress_bar(robot.joints.len());
-    let diagnosed = gap_diagnosis::diagnose(&robot, &recordings, &|progress| {
+    let options = Options {
+        engine: arguments.engine.map(Engine::from),
+        materiality: arguments.materiality,
+    };
+    let diagnosed = gap_diagnosis::diagnose(&robot, &recordings, &options, &|progress| {
         bar.set_position(progress.done as u64);
     });
     bar.finish_and_clear();
@@ -69,7 +78,7 @@ fn summary(report: &Report, out: Option<&Path>) -> String {
     rows.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_header([
         "joint",
         "verdict",
-        "effects",
+        "effects, share of the gap",
         "torque rms, Nm: before",
         "after",
         "noise floor",
@@ -79,8 +88,17 @@ fn summary(report: &Report, out: Option<&Path>) -> String {
         rows.add_row(row(joint));
     }
     let _ = writeln!(text, "{rows}");
-    for finding in &report.data {
-        let _ = writeln!(text, "{}: {finding}", finding.severity);
+    for (finding, joints) in told_once(&report.data) {
+        let on = if joints.len() < 2 {
+            String::new()
+        } else {
+            format!(" ({})", joints.join(", "))
+        };
+        let finding = DataFinding {
+            joint: finding.joint.clone().filter(|_| on.is_empty()),
+            ..finding.clone()
+        };
+        let _ = writeln!(text, "{}{on}: {finding}", finding.severity);
     }
     if let Some(folder) = out {
         let _ = writeln!(text, "report: {}", folder.join("report.html").display());
@@ -88,17 +106,40 @@ fn summary(report: &Report, out: Option<&Path>) -> String {
     text
 }
 
+/// Findings, what is the same of several joints only once, with the joints.
+fn told_once(findings: &[DataFinding]) -> Vec<(&DataFinding, Vec<&str>)> {
+    let mut all: Vec<(&DataFinding, Vec<&str>)> = Vec::new();
+    for finding in findings {
+        let same = all.iter_mut().find(|(known, _)| {
+            (&known.severity, &known.what, &known.remedy)
+                == (&finding.severity, &finding.what, &finding.remedy)
+        });
+        let joint = finding.joint.as_deref();
+        match same {
+            Some((_, joints)) => joints.extend(joint),
+            None => all.push((finding, joint.into_iter().collect())),
+        }
+    }
+    all
+}
+
 fn row(joint: &JointReport) -> [String; 7] {
-    let effects: Vec<String> = joint
-        .effects
+    let named =
+        |found: &NamedEffect| format!("{} {} %", with_value(found), number(100.0 * found.share, 2));
+    let mut effects: Vec<String> = joint.effects.iter().map(named).collect();
+    let minor: Vec<&str> = joint
+        .minor_effects
         .iter()
-        .map(|found| format!("{} ({})", found.effect, number(found.probability, 2)))
+        .map(|found| found.effect.as_str())
         .collect();
+    if !minor.is_empty() {
+        effects.push(format!("minor: {}", minor.join(", ")));
+    }
     let torque = &joint.gap.torque_rms_nm;
     [
         joint.joint.clone(),
         verdict_in_words(joint.verdict).to_owned(),
-        effects.join(", "),
+        effects.join("\n"),
         number(torque.before, 3),
         number(torque.after, 3),
         number(torque.noise_floor, 3),

@@ -2,6 +2,7 @@
 //! control with the mended robot file on the plant that has the effect.
 
 use comfy_table::{Table, presets};
+use gap_diagnosis::Options;
 use gap_diagnosis::report::{JointReport, Report, Verdict};
 use report::number;
 use robot::{Injection, Robot, RobotFile, Source};
@@ -101,7 +102,7 @@ fn course(arguments: &GapRoundArguments, name: &str, robot: &Robot) -> Result<Co
 fn diagnosed(robot: &Robot, course: &Course, injection: &Injection) -> Result<Report, CliError> {
     let run = course.run(Robots::same(robot), &[*injection])?;
     let recordings = [(injection.effect.name().to_owned(), run.recording)];
-    let diagnosis = gap_diagnosis::diagnose(robot, &recordings, &|_| ());
+    let diagnosis = gap_diagnosis::diagnose(robot, &recordings, &Options::default(), &|_| ());
     Ok(diagnosis.map_err(CliError::input)?.report)
 }
 

@@ -1,6 +1,6 @@
 //! The page that `identify` writes: the papers' tables and figures, redrawn from this robot's recordings.
 //!
-//! Where a robot has published numbers ([`robot::published`]), they stand beside ours. A part that was not identified
+//! Where a robot has published numbers ([`robot::published()`]), they stand beside ours. A part that was not identified
 //! keeps its section and says so. docs/papers.md lists which figure of which paper is where.
 
 mod checks;

@@ -176,6 +176,7 @@ impl Plan {
         let instance = Instance::new(&arguments.instance, user_id()).map_err(CliError::input)?;
         check_driver(&arguments.driver)?;
         let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
+        robot.check_fits_loop().map_err(CliError::input)?;
         let period_ns = period_ns(arguments.rate, &robot)?;
         let cycles = cycles(arguments.duration, period_ns)?;
         let mode = arguments.mode.into();

@@ -114,7 +114,7 @@ fn loud(joint: &str, verdict: &str, name: &str, parameters: Value, stage: &str) 
 
 fn report(joints: &[Value]) -> Report {
     serde_json::from_value(json!({
-        "schema": 1, "robot": "r", "recordings": [], "samples": 1, "seconds": 1.0,
+        "schema": 2, "robot": "r", "recordings": [], "samples": 1, "seconds": 1.0,
         "sample_rate_hz": 1500.0, "twin": "closed_loop", "compute_seconds": 1.0,
         "shared_effects": [], "joints": joints
     }))

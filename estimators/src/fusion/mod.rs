@@ -159,7 +159,7 @@ impl Fusion {
     /// An estimator with these parameters; rotor inertia and encoder steps are the robot file's.
     ///
     /// # Errors
-    /// [`NoResolution`] without an encoder's step.
+    /// `NoResolution` without an encoder's step.
     pub fn new(
         parameters: &FusionParameters,
         joint: &RobotJoint,

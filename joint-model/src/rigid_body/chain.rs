@@ -1,10 +1,11 @@
 //! The chain: its links, joint frames, gravity and tool.
 
-use arrayvec::ArrayVec;
 use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Unit, Vector3};
 
 use super::body::{Body, bodies};
-use crate::JOINTS_MAX;
+
+/// The most links a chain may have, two arms with all their fingers; every buffer of the algorithms is sized by it.
+pub const LINKS_MAX: usize = 128;
 
 /// How far an inertia may be from symmetric or from positive semidefinite, relative to its largest element:
 /// rounding of a rotated or summed inertia, and no more.
@@ -17,10 +18,25 @@ const TRIANGLE_TOLERANCE: f64 = 1e-3;
 /// How far an axis or quaternion may be from unit length: rounding in single precision.
 const UNIT_LENGTH_TOLERANCE: f64 = 1e-6;
 
-/// One moving link and the revolute joint that carries it.
+/// How a joint moves its link.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum JointKind {
+    /// It turns about its axis: rad, Nm, kg m².
+    #[default]
+    Revolute,
+    /// It slides along its axis: what is said of it in rad, Nm and kg m² is then m, N and kg.
+    Prismatic,
+}
+
+/// One moving link and the joint that carries it.
 #[derive(Clone, Copy, Debug)]
 pub struct Link {
-    /// The joint frame in the parent link's frame (in the base frame for the first link), at joint angle zero.
+    /// Index of the link that carries this one, smaller than its own; `None` for the base. In a serial chain that is
+    /// the link before: see [`Link::serial`].
+    pub parent: Option<usize>,
+    /// How the joint moves.
+    pub kind: JointKind,
+    /// The joint frame in the parent link's frame (in the base's, where that is the parent), with the joint at zero.
     pub origin: Isometry3<f64>,
     /// The joint's axis in the joint frame.
     pub axis: Unit<Vector3<f64>>,
@@ -33,6 +49,11 @@ pub struct Link {
 }
 
 impl Link {
+    /// The parent of link `index` in a serial chain.
+    pub fn serial(index: usize) -> Option<usize> {
+        index.checked_sub(1)
+    }
+
     /// Adds a point mass at a place in the joint frame: parallel axes about the common centre. A total of nothing or
     /// less is left to [`Chain::new`], which names the link.
     pub fn add_point_mass(&mut self, mass_kg: f64, centre_m: Vector3<f64>) {
@@ -53,8 +74,8 @@ impl Link {
 /// Why a chain cannot be built.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ChainError {
-    /// No links at all, or more than [`JOINTS_MAX`].
-    #[error("a chain has 1 to {JOINTS_MAX} joints, not {found}")]
+    /// No links at all, or more than [`LINKS_MAX`].
+    #[error("a chain has 1 to {LINKS_MAX} joints, not {found}")]
     JointCount {
         /// Links given.
         found: usize,
@@ -84,6 +105,14 @@ pub enum ChainError {
         /// Index of the link.
         link: usize,
     },
+    /// A link hangs on itself or on one after it.
+    #[error("link {link}: its parent must be one of the links before it, not link {parent}")]
+    Parent {
+        /// Index of the link.
+        link: usize,
+        /// The value found.
+        parent: usize,
+    },
     /// A component of gravity is not finite.
     #[error("gravity must be finite, not {gravity_m_s2:?} m/s²")]
     Gravity {
@@ -95,11 +124,13 @@ pub enum ChainError {
     Tool,
 }
 
-/// A serial chain of revolute joints on a fixed base.
+/// Links on a fixed base: in a row or as a tree, each joint turning or sliding.
 #[derive(Clone, Debug)]
 pub struct Chain {
-    pub(super) links: ArrayVec<Link, JOINTS_MAX>,
-    pub(super) bodies: ArrayVec<Body, JOINTS_MAX>,
+    pub(super) links: Vec<Link>,
+    pub(super) bodies: Vec<Body>,
+    /// Whether any link hangs on another than the one before it.
+    pub(super) branches: bool,
     pub(super) gravity_m_s2: Vector3<f64>,
     pub(super) tool: Isometry3<f64>,
 }
@@ -114,10 +145,9 @@ impl Chain {
         gravity_m_s2: Vector3<f64>,
         tool: Isometry3<f64>,
     ) -> Result<Self, ChainError> {
-        let kept = ArrayVec::try_from(links)
-            .ok()
-            .filter(|kept| !kept.is_empty());
-        let links = kept.ok_or(ChainError::JointCount { found: links.len() })?;
+        if !(1..=LINKS_MAX).contains(&links.len()) {
+            return Err(ChainError::JointCount { found: links.len() });
+        }
         for (index, link) in links.iter().enumerate() {
             check_link(index, link)?;
         }
@@ -126,8 +156,12 @@ impl Chain {
             return Err(ChainError::Tool);
         }
         Ok(Self {
-            bodies: bodies(&links),
-            links,
+            bodies: bodies(links),
+            branches: links
+                .iter()
+                .enumerate()
+                .any(|(index, link)| link.parent != Link::serial(index)),
+            links: links.to_vec(),
             gravity_m_s2,
             tool,
         })
@@ -144,12 +178,12 @@ impl Chain {
         Self::new(&links, self.gravity_m_s2, self.tool)
     }
 
-    /// Number of joints, 1 to [`JOINTS_MAX`].
+    /// Number of joints, 1 to [`LINKS_MAX`].
     pub fn joint_count(&self) -> usize {
         self.bodies.len()
     }
 
-    /// The links, base to tip.
+    /// The links, each after its parent.
     pub fn links(&self) -> &[Link] {
         &self.links
     }
@@ -176,6 +210,12 @@ impl Chain {
 }
 
 fn check_link(index: usize, link: &Link) -> Result<(), ChainError> {
+    if let Some(parent) = link.parent.filter(|parent| *parent >= index) {
+        return Err(ChainError::Parent {
+            link: index,
+            parent,
+        });
+    }
     if !is_pose(&link.origin) || !is_unit(link.axis.norm()) || !is_finite(&link.centre_of_mass_m) {
         return Err(ChainError::Geometry { link: index });
     }
@@ -213,7 +253,8 @@ fn is_unit(length: f64) -> bool {
     (length - 1.0).abs() <= UNIT_LENGTH_TOLERANCE
 }
 
-fn is_inertia_of_a_body(inertia_kg_m2: &Matrix3<f64>) -> bool {
+/// Whether a body has such an inertia: symmetric, no principal moment negative or larger than the sum of the others.
+pub fn is_inertia_of_a_body(inertia_kg_m2: &Matrix3<f64>) -> bool {
     // Checked first: the eigenvalue iteration below never ends on NaN.
     if !inertia_kg_m2.iter().all(|element| element.is_finite()) {
         return false;

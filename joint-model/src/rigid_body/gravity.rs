@@ -1,11 +1,13 @@
 //! Gravity: the torque that holds it and its potential energy.
 //!
-//! Gravity acts on a link and all it carries as on one first moment `h`, which each link inherits from the
-//! next: `h_i = h_i,augmented + R_i+1 h_i+1`.
+//! Gravity acts on a link and all it carries as on one first moment `h`, which each link inherits from those
+//! that hang on it: `h_i = h_i,augmented + Σ R_j h_j`.
 
+use arrayvec::ArrayVec;
 use nalgebra::Vector3;
 
-use super::one_joint::Standing;
+use super::chain::LINKS_MAX;
+use super::one_joint::{Carried, Standing};
 use super::{Chain, assert_joints};
 
 impl Chain {
@@ -14,27 +16,43 @@ impl Chain {
         assert_joints(self.joint_count(), &[position_rad.len(), torque_nm.len()]);
         let mut standing = Standing::default();
         self.links_standing(position_rad, &mut standing);
-        let mut carried_kg_m = Vector3::zeros();
-        let links = self.bodies.iter().zip(standing.links());
-        for ((body, link), torque_nm) in links.zip(torque_nm).rev() {
-            let h = body.augmented.first_moment_kg_m + carried_kg_m;
-            *torque_nm = link.holding_torque_nm(&h);
-            carried_kg_m = link.rotation * h;
+        let mut moments_kg_m: ArrayVec<Vector3<f64>, LINKS_MAX> = ArrayVec::new();
+        moments_kg_m.extend(self.bodies.iter().map(|_| Vector3::zeros()));
+        for (index, body) in self.bodies.iter().enumerate().rev() {
+            let link = &standing.links()[index];
+            let h = body.augmented.first_moment_kg_m + moments_kg_m[index];
+            torque_nm[index] = link.holding_torque_nm(&Carried {
+                first_moment_kg_m: h,
+                mass_kg: body.carried_kg,
+            });
+            if let Some(parent) = body.parent {
+                moments_kg_m[parent] += link.passed_on_kg_m(body, &h);
+            }
         }
     }
 
     /// Gravitational potential energy, zero with every centre of mass at the base origin's height.
     pub fn potential_energy_j(&self, position_rad: &[f64]) -> f64 {
         assert_joints(self.joint_count(), &[position_rad.len()]);
-        let mut carried_kg_m = Vector3::zeros();
-        let mut mass_kg = 0.0;
-        for (body, &angle_rad) in self.bodies.iter().zip(position_rad).rev() {
-            mass_kg += body.mass_kg;
-            carried_kg_m =
-                body.rotation(angle_rad) * (body.augmented.first_moment_kg_m + carried_kg_m);
+        let mut standing = Standing::default();
+        self.links_standing(position_rad, &mut standing);
+        let mut moments_kg_m: ArrayVec<Vector3<f64>, LINKS_MAX> = ArrayVec::new();
+        moments_kg_m.extend(self.bodies.iter().map(|_| Vector3::zeros()));
+        let mut about_base_kg_m = Vector3::zeros();
+        for (index, body) in self.bodies.iter().enumerate().rev() {
+            let link = &standing.links()[index];
+            let h = body.augmented.first_moment_kg_m + moments_kg_m[index];
+            let passed_kg_m = link.passed_on_kg_m(body, &h);
+            match body.parent {
+                Some(parent) => moments_kg_m[parent] += passed_kg_m,
+                // the base has no augmented link, so it counts the mass here
+                None => {
+                    let counted_kg = body.carried_kg - body.left_out_kg;
+                    about_base_kg_m +=
+                        passed_kg_m + counted_kg * body.origin_m(position_rad[index]);
+                }
+            }
         }
-        -self
-            .gravity_m_s2
-            .dot(&(carried_kg_m + mass_kg * self.bodies[0].origin_m))
+        -self.gravity_m_s2.dot(&about_base_kg_m)
     }
 }

@@ -1,10 +1,12 @@
-//! Rigid-body dynamics of a serial chain of revolute joints.
+//! Rigid-body dynamics of links in a row or in a tree on a fixed base, on joints that turn or slide.
 //!
 //! ```
-//! use joint_model::rigid_body::{Chain, Link};
+//! use joint_model::rigid_body::{Chain, JointKind, Link};
 //! use nalgebra::{Isometry3, Matrix3, Vector3};
 //!
 //! let pendulum = Link {
+//!     parent: None,
+//!     kind: JointKind::Revolute,
 //!     origin: Isometry3::identity(),
 //!     axis: Vector3::y_axis(),
 //!     mass_kg: 2.0,
@@ -20,7 +22,7 @@
 //! ```
 //!
 //! One algorithm, one file; all of them run on the precomputed bodies of `body.rs`, whose joint axes are z.
-//! Nothing here allocates. Every function reads as many elements of its slices as there are joints and
+//! Nothing here allocates but building a chain. Every function reads as many elements of its slices as there are joints and
 //! panics where a slice is shorter, because a shorter one is a programming error, not an input.
 mod body;
 mod chain;
@@ -32,7 +34,7 @@ mod one_joint;
 mod published_gravity;
 mod symmetric;
 
-pub use chain::{Chain, ChainError, Link};
+pub use chain::{Chain, ChainError, JointKind, LINKS_MAX, Link, is_inertia_of_a_body};
 pub use one_joint::{Carried, Moving, Standing};
 pub use published_gravity::PublishedGravity;
 

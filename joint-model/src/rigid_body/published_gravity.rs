@@ -139,7 +139,7 @@ mod tests {
 
     use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 
-    use super::super::{Chain, Link};
+    use super::super::{Chain, JointKind, Link};
     use super::*;
 
     /// PA10-05 Table IV.
@@ -161,6 +161,8 @@ mod tests {
     /// The same masses on the arm's kinematics: joint axes z, y, z, y, z, y, z, upright at zero.
     fn rigid_arm() -> Chain {
         let link = |height_m: f64, turns: bool, mass_kg: f64, centre_m: f64| Link {
+            parent: None,
+            kind: JointKind::Revolute,
             origin: Isometry3::from_parts(
                 Translation3::new(0.0, 0.0, height_m),
                 UnitQuaternion::identity(),
@@ -174,7 +176,7 @@ mod tests {
             centre_of_mass_m: Vector3::new(0.0, 0.0, centre_m),
             inertia_kg_m2: Matrix3::zeros(),
         };
-        let links = [
+        let mut links = [
             link(0.0, true, 0.0, 0.0),
             link(0.0, false, PA10.m2_kg, PA10.lc2_m),
             link(PA10.l2_m, true, 0.0, 0.0),
@@ -183,6 +185,9 @@ mod tests {
             link(0.0, false, PA10.m6_kg, PA10.lc6_m),
             link(0.0, true, 0.0, 0.0),
         ];
+        for (index, link) in links.iter_mut().enumerate() {
+            link.parent = Link::serial(index);
+        }
         let gravity_m_s2 = Vector3::new(0.0, 0.0, -PA10.g_m_s2);
         Chain::new(&links, gravity_m_s2, Isometry3::identity()).unwrap()
     }

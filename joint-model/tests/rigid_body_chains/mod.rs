@@ -3,13 +3,16 @@
 
 use std::sync::LazyLock;
 
-use joint_model::rigid_body::{Chain, Link};
+use joint_model::rigid_body::{Chain, JointKind, Link};
 use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
 #[derive(Deserialize)]
 pub struct Reference {
+    /// One of each length, joint after joint.
     pub chains: Vec<ReferenceChain>,
+    /// Joints that turn and slide, on any link before them.
+    pub trees: Vec<ReferenceChain>,
 }
 
 #[derive(Deserialize)]
@@ -22,6 +25,10 @@ pub struct ReferenceChain {
 
 #[derive(Deserialize)]
 struct ReferenceLink {
+    /// Where it is not the link before; -1 for the base.
+    parent: Option<isize>,
+    #[serde(default)]
+    slides: bool,
     origin: Frame,
     axis: [f64; 3],
     mass_kg: f64,
@@ -63,15 +70,24 @@ pub fn reference_chain(joint_count: usize) -> (Chain, &'static [State]) {
 
 impl ReferenceChain {
     pub fn build(&self) -> Chain {
-        let links: Vec<Link> = self.links.iter().map(ReferenceLink::link).collect();
+        let links = self.links.iter().enumerate();
+        let links: Vec<Link> = links.map(|(index, link)| link.link(index)).collect();
         Chain::new(&links, self.gravity_m_s2.into(), self.tool.isometry())
             .expect("the reference chains are valid")
     }
 }
 
 impl ReferenceLink {
-    fn link(&self) -> Link {
+    fn link(&self, index: usize) -> Link {
         Link {
+            parent: match self.parent {
+                Some(parent) => usize::try_from(parent).ok(),
+                None => Link::serial(index),
+            },
+            kind: match self.slides {
+                true => JointKind::Prismatic,
+                false => JointKind::Revolute,
+            },
             origin: self.origin.isometry(),
             axis: Unit::new_normalize(Vector3::from(self.axis)),
             mass_kg: self.mass_kg,

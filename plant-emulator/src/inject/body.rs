@@ -112,12 +112,15 @@ fn changes_the_chain(effect: &Effect) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use joint_model::rigid_body::JointKind;
     use nalgebra::Matrix3;
 
     use super::*;
 
     fn pendulum() -> Link {
         Link {
+            parent: None,
+            kind: JointKind::Revolute,
             origin: Isometry3::identity(),
             axis: Vector3::y_axis(),
             mass_kg: 2.0,

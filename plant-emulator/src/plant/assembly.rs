@@ -28,6 +28,7 @@ pub(super) fn assemble(
     initial_position_rad: &[f64],
     period_s: f64,
 ) -> Result<Plant, PlantError> {
+    robot.check_fits_loop()?;
     parameters.check(robot)?;
     check_period(period_s)?;
     let link_position_rad = start_position(robot, initial_position_rad)?;

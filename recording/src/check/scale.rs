@@ -104,7 +104,7 @@ impl Scales {
             torques: Vec::new(),
         };
         scales.velocities = scales.wrong_velocities(recording, joint);
-        scales.torques = torque::wrong(recording, joint, &scales);
+        scales.torques = torque::wrong(recording, joint, robot, &scales);
         scales
     }
 

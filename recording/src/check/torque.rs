@@ -9,8 +9,14 @@ use nalgebra::SVector;
 use std::ops::Range;
 
 /// The measured torque against the commanded one, else its sign against the motion; then the joint's torque sensor.
-pub(super) fn wrong(recording: &Recording, joint: &JointColumns, seen: &Scales) -> Vec<Wrong> {
-    let motor = against_command(joint, seen).or_else(|| reversed_torque(recording, joint, seen));
+pub(super) fn wrong(
+    recording: &Recording,
+    joint: &JointColumns,
+    robot: Option<&CheckJoint>,
+    seen: &Scales,
+) -> Vec<Wrong> {
+    let motor = against_command(recording, joint, robot, seen)
+        .or_else(|| reversed_torque(recording, joint, seen));
     let motor_sign = motor
         .as_ref()
         .filter(|wrong| wrong.signal == Signal::MotorTorqueNm)
@@ -19,18 +25,43 @@ pub(super) fn wrong(recording: &Recording, joint: &JointColumns, seen: &Scales) 
     motor.into_iter().chain(sensor).collect()
 }
 
-fn against_command(joint: &JointColumns, seen: &Scales) -> Option<Wrong> {
+/// The drive's torque where it is in another unit than the command; the command, where no unit tells why they differ or the motion
+/// contradicts it: what a drive measured is nearer to the joint than what it was asked for.
+fn against_command(
+    recording: &Recording,
+    joint: &JointColumns,
+    robot: Option<&CheckJoint>,
+    seen: &Scales,
+) -> Option<Wrong> {
     /// A drive's torque may be off by this much without being something else.
     const HONEST: Range<f64> = 0.5..2.0;
     const SIMILAR: f64 = 0.9;
     let command = values(joint, Signal::CommandTorqueNm)?;
     let measured = slope(command, values(joint, Signal::MotorTorqueNm)?, SIMILAR)?;
-    (!HONEST.contains(&measured)).then(|| Wrong {
+    let told = Wrong {
         signal: Signal::MotorTorqueNm,
         against: Signal::CommandTorqueNm,
         measured,
         meaning: Meaning::of_torque(measured, seen.gear_ratio, TRACKED),
-    })
+    };
+    let is_reversed = |signal| reversed_by_motion(recording, joint, seen, signal).is_some();
+    let constant_nm_a = robot.and_then(|robot| robot.torque_constant_nm_a);
+    let is_current = constant_nm_a.is_some_and(|constant| is_near(measured * constant, 1.0));
+    let of_command = told.meaning.kind == FindingKind::WrongScale && !is_current
+        || told.meaning.kind == FindingKind::ReversedSign
+            && is_reversed(Signal::CommandTorqueNm)
+            && !is_reversed(Signal::MotorTorqueNm);
+    let told = if of_command {
+        Wrong {
+            signal: Signal::CommandTorqueNm,
+            against: Signal::MotorTorqueNm,
+            measured: 1.0 / measured,
+            meaning: Meaning::of_torque(1.0 / measured, seen.gear_ratio, TRACKED),
+        }
+    } else {
+        told
+    };
+    (!HONEST.contains(&measured)).then_some(told)
 }
 
 /// A torque sensor that goes against the motor's torque, and does so beside friction too: where friction is most of the motor's torque,
@@ -133,10 +164,19 @@ fn moving(
 /// A torque whose friction drives the joint and whose work over the whole recording is negative: its sign, or that of
 /// the position, is reversed.
 fn reversed_torque(recording: &Recording, joint: &JointColumns, seen: &Scales) -> Option<Wrong> {
-    const BLOCKS_MIN: usize = 50;
-    let torque_signal = [Signal::MotorTorqueNm, Signal::CommandTorqueNm]
+    let signal = [Signal::MotorTorqueNm, Signal::CommandTorqueNm]
         .into_iter()
         .find(|signal| values(joint, *signal).is_some())?;
+    reversed_by_motion(recording, joint, seen, signal)
+}
+
+fn reversed_by_motion(
+    recording: &Recording,
+    joint: &JointColumns,
+    seen: &Scales,
+    torque_signal: Signal,
+) -> Option<Wrong> {
+    const BLOCKS_MIN: usize = 50;
     let torque = values(joint, torque_signal)?;
     let (position_signal, stretches) = moving(recording, joint, seen)?;
     let mut rows = Vec::new();

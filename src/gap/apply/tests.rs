@@ -29,7 +29,7 @@ effects = [
 
 fn report(effects: Value, shared: Value) -> Report {
     serde_json::from_value(json!({
-        "schema": 1, "robot": "bench", "recordings": [], "samples": 1, "seconds": 1.0,
+        "schema": 2, "robot": "bench", "recordings": [], "samples": 1, "seconds": 1.0,
         "sample_rate_hz": 1500.0, "twin": "closed_loop", "compute_seconds": 1.0,
         "shared_effects": shared,
         "joints": [{

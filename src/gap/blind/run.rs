@@ -5,8 +5,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use gap_diagnosis::baseline::{Baseline, baseline};
-use gap_diagnosis::diagnose::DiagnoseError;
 use gap_diagnosis::report::Report;
+use gap_diagnosis::{DiagnoseError, Engine, Options};
 use serde::Serialize;
 
 use super::make::progress_bar;
@@ -44,7 +44,11 @@ pub fn run(arguments: &BlindRunArguments) -> Result<(), CliError> {
             done.already_there += 1;
         } else {
             fs::create_dir_all(&out).map_err(|error| cannot_write(&out, &error))?;
-            match predict(&arguments.cases.join(name), arguments.baseline) {
+            let options = Options {
+                engine: arguments.engine.map(Engine::from),
+                ..Options::default()
+            };
+            match predict(&arguments.cases.join(name), arguments.baseline, &options) {
                 Ok(report) => {
                     write_json(&report, &out.join(REPORT))?;
                     done.predicted += 1;
@@ -75,7 +79,11 @@ pub fn run(arguments: &BlindRunArguments) -> Result<(), CliError> {
 }
 
 /// The report on one case, or in one line why there is none.
-fn predict(case: &Path, method: Option<BaselineMethod>) -> Result<Report, String> {
+fn predict(
+    case: &Path,
+    method: Option<BaselineMethod>,
+    options: &Options,
+) -> Result<Report, String> {
     let [robot_path, recording_path] = blind::CASE_FILES.map(|name| case.join(name));
     let robot =
         robot::load(&robot_path.display().to_string()).map_err(|error| error.to_string())?;
@@ -85,7 +93,7 @@ fn predict(case: &Path, method: Option<BaselineMethod>) -> Result<Report, String
     let diagnosed = catch_unwind(AssertUnwindSafe(|| {
         let method = match method {
             None => {
-                let diagnosis = gap_diagnosis::diagnose(&robot, &recordings, &|_| {})?;
+                let diagnosis = gap_diagnosis::diagnose(&robot, &recordings, options, &|_| {})?;
                 return Ok(diagnosis.report);
             }
             Some(BaselineMethod::LargestR2) => Baseline::LargestR2,

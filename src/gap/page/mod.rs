@@ -11,7 +11,7 @@ use report::{
 };
 use robot::Robot;
 
-use words::{next_steps, sentence, unit, verdict_in_words};
+use words::{next_steps, sentence, unit, verdict_in_words, with_value};
 
 /// Candidates that a joint's bars show.
 const CANDIDATES_MAX: usize = 8;
@@ -83,24 +83,38 @@ fn arm(robot: &Robot, report: &Report) -> Section {
     });
     let end = frames_m.last().copied().map_or([0.0; 2], flat);
     let mut table = Table::new(
-        "Every joint",
+        "Every joint, the largest gap first",
         [
             Column::text("joint"),
             Column::text("verdict"),
-            Column::text("effects"),
+            Column::text("effects, share of the gap"),
+            Column::text("torque rms, Nm"),
             Column::text("why"),
         ],
     );
-    for joint in &report.joints {
-        let effects: Vec<&str> = joint
+    let mut largest: Vec<&JointReport> = report.joints.iter().collect();
+    largest.sort_by(|a, b| {
+        let before = |joint: &JointReport| joint.gap.torque_rms_nm.before;
+        before(b).total_cmp(&before(a))
+    });
+    for joint in largest {
+        let effects: Vec<String> = joint
             .effects
             .iter()
-            .map(|found| found.effect.as_str())
+            .map(|found| {
+                format!(
+                    "{} ({} %)",
+                    with_value(found),
+                    number(100.0 * found.share, 2)
+                )
+            })
             .collect();
+        let torque = &joint.gap.torque_rms_nm;
         table.row([
             joint.joint.clone().into(),
             Cell::strong(verdict_in_words(joint.verdict)),
             effects.join(", ").into(),
+            format!("{} → {}", number(torque.before, 3), number(torque.after, 3)).into(),
             joint.reason.clone().into(),
         ]);
     }

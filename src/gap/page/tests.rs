@@ -9,13 +9,13 @@ use super::page;
 /// A report on the single test joint.
 fn report(verdict: &str) -> Report {
     let effects = if verdict == "explained" {
-        json!([{ "effect": "coulomb_friction", "probability": 0.96, "shrink_alone": 0.9,
+        json!([{ "effect": "coulomb_friction", "probability": 0.96, "share": 0.96, "shrink_alone": 0.9,
                  "parameters": { "coulomb_nm": { "value": 0.8, "std": 0.05, "at_bound": false } } }])
     } else {
         json!([])
     };
     serde_json::from_value(json!({
-        "schema": 1, "robot": "shd17", "recordings": ["<run>.mcap"], "samples": 45000, "seconds": 30.0,
+        "schema": 2, "robot": "shd17", "recordings": ["<run>.mcap"], "samples": 45000, "seconds": 30.0,
         "sample_rate_hz": 1500.0, "twin": "closed_loop", "compute_seconds": 1.5, "shared_effects": [],
         "joints": [{
             "joint": "joint1", "verdict": verdict, "effects": effects,
@@ -50,6 +50,8 @@ fn traces() -> Vec<JointTraces> {
         augmented_nm: measured_nm.iter().map(|nm| 0.9 * nm).collect(),
         measured_nm,
         time_s,
+        position_rad: Vec::new(),
+        velocity_rad_s: Vec::new(),
     }]
 }
 
@@ -57,7 +59,7 @@ fn traces() -> Vec<JointTraces> {
 fn the_page_says_verdict_values_and_next_steps_without_network_or_script() {
     let html = html("explained", traces());
     for told in [
-        "the gap comes from coulomb friction (probability 0.96) and shrinks by 96 % with that",
+        "Coulomb friction 0.800 Nm takes 96 % of the gap",
         "0.702 to 0.898",
         "flexspline gap apply",
         "one speed",

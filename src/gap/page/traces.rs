@@ -8,19 +8,49 @@ use super::with_gap;
 
 /// Length of what is shown.
 const SHOWN_S: f64 = 3.0;
+/// Points of a cloud at most: more hide one another.
+const POINTS: usize = 1500;
 
 /// The worst seconds of every joint that has a gap.
 pub fn section(report: &Report, traces: &[JointTraces]) -> Section {
-    let mut section = Section::new("traces", "The worst seconds").paragraph(
+    let mut section = Section::new("traces", "Torque, and the worst seconds").paragraph(
         "Disturbance torque: what is left of the drive's torque when that of the rigid robot is taken off.",
     );
     for joint in with_gap(report) {
         let of_joint = traces.iter().find(|traces| traces.joint == joint.joint);
+        if let Some(figure) = of_joint.and_then(over_motion) {
+            section = section.figure(figure);
+        }
         if let Some(figure) = of_joint.and_then(figure) {
             section = section.figure(figure);
         }
     }
     section
+}
+
+/// Disturbance torque over velocity and over position, as measured and by the robot file with the effects.
+fn over_motion(traces: &JointTraces) -> Option<Figure> {
+    if traces.velocity_rad_s.is_empty() {
+        return None;
+    }
+    let every = traces.velocity_rad_s.len().div_ceil(POINTS).max(1);
+    let cloud = |over: &[f64], torque_nm: &[f64]| -> Vec<[f64; 2]> {
+        let both = over.iter().zip(torque_nm).step_by(every);
+        both.map(|(x, y)| [*x, *y]).collect()
+    };
+    let panel = |name: &str, unit: &str, over: &[f64]| {
+        Panel::new(Axis::new(name, unit), Axis::new("disturbance torque", "Nm"))
+            .series(Series::points("measured", cloud(over, &traces.measured_nm)))
+            .series(Series::points(
+                "robot file with the effects",
+                cloud(over, &traces.augmented_nm),
+            ))
+    };
+    let caption = format!("{}: torque over velocity and over position", traces.joint);
+    let figure = Figure::new(caption)
+        .panel(panel("velocity", "rad/s", &traces.velocity_rad_s))
+        .panel(panel("position", "rad", &traces.position_rad));
+    Some(figure.columns(2))
 }
 
 fn figure(traces: &JointTraces) -> Option<Figure> {
@@ -91,6 +121,8 @@ mod tests {
             nominal_nm: zero.clone(),
             augmented_nm: zero,
             time_s,
+            position_rad: Vec::new(),
+            velocity_rad_s: Vec::new(),
         };
         let (from, to) = worst(&traces).expect("there are samples");
         assert!(traces.time_s[from] <= 12.0 && traces.time_s[to - 1] >= 12.99);

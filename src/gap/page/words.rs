@@ -1,6 +1,8 @@
 //! The report in sentences.
 
-use gap_diagnosis::report::{JointReport, Report, TwinKind, Verdict};
+use gap_diagnosis::report::{
+    JointReport, NamedEffect, Remains, Report, SharedEffect, TwinKind, Verdict,
+};
 use report::number;
 
 use super::{gap_to_noise, with_gap};
@@ -22,44 +24,68 @@ pub fn sentence(report: &Report) -> String {
             _ => format!("No gap was found, but {mute} of {} joints lack the data for a statement.", report.joints.len()),
         };
     }
-    let shared = report.shared_effects.iter().map(|shared| {
-        format!(
-            "{} (probability {}) acts on {}",
-            words(&shared.effect.effect),
-            number(shared.effect.probability, 2),
-            shared.joints.join(", ")
-        )
-    });
-    let own = flagged.iter().map(|joint| joint_sentence(joint));
-    let all: Vec<String> = shared.chain(own).collect();
+    let shared: Vec<String> = report.shared_effects.iter().map(shared_sentence).collect();
+    let own = match flagged.as_slice() {
+        [only] => joint_sentence(only),
+        _ => arm_sentence(report, &flagged),
+    };
+    let all: Vec<String> = shared.into_iter().chain([own]).collect();
     format!("{}.", all.join("; "))
 }
 
-fn joint_sentence(joint: &JointReport) -> String {
-    let effects: Vec<String> = joint
-        .effects
+fn shared_sentence(shared: &SharedEffect) -> String {
+    let on = match shared.joints.as_slice() {
+        few if few.len() <= 3 => few.join(", "),
+        many => format!("{} joints", many.len()),
+    };
+    format!("{} acts on {on}", with_value(&shared.effect))
+}
+
+/// Which joint and effect hold most, and what that is worth; the rest is in the table.
+fn arm_sentence(report: &Report, flagged: &[&JointReport]) -> String {
+    let before_nm = |joint: &JointReport| joint.gap.torque_rms_nm.before;
+    let largest = flagged
         .iter()
-        .map(|found| {
-            format!(
-                "{} (probability {})",
-                words(&found.effect),
-                number(found.probability, 2)
-            )
-        })
-        .collect();
+        .max_by(|a, b| before_nm(a).total_cmp(&before_nm(b)));
+    let Some(largest) = largest else {
+        return String::new();
+    };
+    let most = largest.effects.first().map_or_else(
+        || "no effect on the list accounts for it".to_owned(),
+        |found| format!("{} is {} % of it", with_value(found), percent(found.share)),
+    );
+    format!(
+        "{} of {} joints have a gap, the largest {}, {} Nm rms: {most}",
+        flagged.len(),
+        report.joints.len(),
+        largest.joint,
+        number(before_nm(largest), 3),
+    )
+}
+
+fn joint_sentence(joint: &JointReport) -> String {
+    let effects: Vec<String> = joint.effects.iter().map(with_value).collect();
+    let (is, takes) = if effects.len() == 1 {
+        ("is", "takes")
+    } else {
+        ("are", "take")
+    };
     let effects = effects.join(" and ");
     let name = &joint.joint;
-    let percent = number(100.0 * joint.gap.shrink, 2);
+    let taken: f64 = joint.effects.iter().map(|found| found.share).sum();
+    let remains = joint.remaining_over.first().map_or(String::new(), |over| {
+        format!(", over {}", variable(over.over))
+    });
     match joint.verdict {
         Verdict::Explained if effects.is_empty() => {
             format!("{name}: the gap is explained by what acts on several joints")
         }
-        Verdict::Explained => {
-            format!("{name}: the gap comes from {effects} and shrinks by {percent} % with that")
-        }
-        Verdict::PartlyExplained => {
-            format!("{name}: {effects} shrinks the gap by {percent} %, but structure remains")
-        }
+        Verdict::Explained if taken >= ALL => format!("{name}: {effects} {is} all of the gap"),
+        Verdict::Explained => format!("{name}: {effects} {takes} {} % of the gap", percent(taken)),
+        Verdict::PartlyExplained => format!(
+            "{name}: {effects} {takes} {} % of the gap; something remains{remains}",
+            percent(taken)
+        ),
         Verdict::Ambiguous => match joint.confusable.first() {
             Some(pair) => format!(
                 "{name}: {} or {}, this data cannot tell them apart",
@@ -72,14 +98,48 @@ fn joint_sentence(joint: &JointReport) -> String {
             let ratio = gap_to_noise(joint).map_or(String::new(), |ratio| {
                 format!(" of {} times the noise", number(ratio, 2))
             });
-            format!("{name}: a gap{ratio} that no known effect accounts for")
+            format!("{name}: a gap{ratio} that no known effect accounts for{remains}")
         }
+    }
+}
+
+/// Named effects that take so much are all of it: half of the last per cent that is shown.
+const ALL: f64 = 0.995;
+
+fn percent(share: f64) -> String {
+    number(100.0 * share, 2)
+}
+
+/// An effect as people read it, with its first value and unit.
+pub fn with_value(found: &NamedEffect) -> String {
+    let name = words(&found.effect);
+    let Some((parameter, value)) = found.parameters.iter().next() else {
+        return name;
+    };
+    format!("{name} {} {}", number(value.value, 3), unit(parameter))
+        .trim_end()
+        .to_owned()
+}
+
+/// What the rest depends on, as people read it.
+pub fn variable(over: Remains) -> &'static str {
+    match over {
+        Remains::Position => "position",
+        Remains::Velocity => "velocity",
+        Remains::Load => "load",
+        Remains::Time => "time",
+        Remains::SinceReversal => "the time since the last reversal",
+        Remains::MotorPhase => "the motor's angle",
+        Remains::OtherJoints => "the other joints' motion",
     }
 }
 
 /// An identifier as people read it.
 fn words(effect: &str) -> String {
-    effect.replace('_', " ")
+    effect
+        .replace('_', " ")
+        .replace("coulomb", "Coulomb")
+        .replace("stribeck", "Stribeck")
 }
 
 /// A verdict as people read it.

@@ -1,0 +1,94 @@
+//! Which twin a diagnosis compares the robot with, and how it is asked.
+
+use recording::{Recording, Signal};
+use robot::{Robot, RobotJoint};
+
+use crate::control;
+use crate::diagnose::{self, DiagnoseError, Diagnosis, Progress};
+use crate::regression;
+use crate::report::DataFinding;
+use crate::stretch::measured;
+
+/// What the recording is held against.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Engine {
+    /// Inverse dynamics of the recorded motion, on all sets of names by one held-out score.
+    Motion,
+    /// A simulation of each joint in its controller's loop, with the encoders and the noise that the file states.
+    Simulation,
+}
+
+/// How a diagnosis is asked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// The twin; by what the robot file tells where none is given.
+    pub engine: Option<Engine>,
+    /// Share of a joint's gap below which an effect is a minor one.
+    pub materiality: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            engine: None,
+            materiality: regression::MATERIALITY,
+        }
+    }
+}
+
+impl Engine {
+    /// The one that a robot file and recordings call for: a simulation needs the controller, what the encoders show, and a torque to
+    /// hold against it. Without them it would be made up.
+    pub fn for_robot(robot: &Robot, recordings: &[(String, Recording)]) -> Self {
+        let tells_encoder = |joint: &RobotJoint| {
+            joint.motor_encoder_resolution_rad.is_some()
+                || joint.link_encoder_resolution_rad.is_some()
+                || joint.position_noise_rad > 0.0
+        };
+        let has_torque = |joint: &RobotJoint| {
+            recordings.iter().all(|(_, recording)| {
+                recording.joint(&joint.name).is_ok_and(|columns| {
+                    let torques = [Signal::MotorTorqueNm, Signal::CommandTorqueNm];
+                    torques
+                        .iter()
+                        .any(|signal| measured(columns, *signal).is_some())
+                })
+            })
+        };
+        let is_told = control::is_known(robot)
+            && robot.check_fits_loop().is_ok()
+            && robot.joints.iter().all(tells_encoder)
+            && robot.joints.iter().any(has_torque);
+        if is_told {
+            Self::Simulation
+        } else {
+            Self::Motion
+        }
+    }
+}
+
+/// Diagnoses a robot from recordings with their names.
+///
+/// # Errors
+/// [`DiagnoseError`].
+pub fn diagnose(
+    robot: &Robot,
+    recordings: &[(String, Recording)],
+    options: &Options,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Diagnosis, DiagnoseError> {
+    let engine = options.engine;
+    let diagnosed = match engine.unwrap_or_else(|| Engine::for_robot(robot, recordings)) {
+        Engine::Motion => regression::diagnose(robot, recordings, options.materiality, progress),
+        Engine::Simulation => diagnose::diagnose(robot, recordings, progress),
+    };
+    let mut diagnosis = diagnosed?;
+    let of_file = robot.notes.iter().map(|what| DataFinding {
+        joint: None,
+        severity: "note".to_owned(),
+        what: what.clone(),
+        remedy: String::new(),
+    });
+    diagnosis.report.data.extend(of_file);
+    Ok(diagnosis)
+}

@@ -1,0 +1,373 @@
+//! The same rubbing pendulum in the logs that people have: one answer, whatever the log lacks or gets wrong.
+
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use gap_diagnosis::report::{JointReport, Remaining, Remains, Report, Verdict};
+use gap_diagnosis::{Options, diagnose};
+use recording::{JointColumns, Recording, Signal};
+use robot::{Robot, RobotFile, Source};
+
+const RATIO: f64 = 100.0;
+const RATE_HZ: f64 = 500.0;
+const KP: f64 = 300.0;
+const KD: f64 = 30.0;
+const SENSING: [&str; 3] = [
+    "encoder_quantisation",
+    "sensor_delay",
+    "velocity_filter_lag",
+];
+
+/// A pendulum of 2 kg at 0.25 m behind a gear of 100:1, of which the file knows no friction, no encoder and no noise.
+fn robot(control: &str) -> Robot {
+    let text = format!(
+        r#"
+        name = "pendulum"
+        [[link]]
+        joint = "shoulder"
+        axis = [0.0, 1.0, 0.0]
+        mass_kg = 2.0
+        centre_of_mass_m = [0.0, 0.0, -0.25]
+        inertia_kg_m2 = {{ xx = 0.025, yy = 0.025, zz = 0.004, xy = 0.0, yz = 0.0, xz = 0.0 }}
+        [[joint]]
+        name = "shoulder"
+        gear_ratio = {RATIO:?}
+        rotor_inertia_kg_m2 = 1e-5
+        {control}
+        "#
+    );
+    let file = RobotFile::parse(&text, "pendulum.toml").unwrap();
+    file.build(Source::File(PathBuf::from("pendulum.toml")))
+        .unwrap()
+}
+
+fn known_control() -> Robot {
+    robot(&format!(
+        "[control]\nrate_hz = {RATE_HZ:?}\nkind = \"pd_feedforward\"\nproportional_nm_rad = [{KP:?}]\n\
+         derivative_nm_s_rad = [{KD:?}]\nfeedback = \"link\"\ndelay_cycles = 1\n"
+    ))
+}
+
+/// What was recorded, joint side.
+struct Log {
+    time_s: Vec<f64>,
+    reference_rad: Vec<f64>,
+    position_rad: Vec<f64>,
+    velocity_rad_s: Vec<f64>,
+    torque_nm: Vec<f64>,
+    /// What friction took.
+    friction_nm: Vec<f64>,
+}
+
+/// Noise between -1 and 1.
+fn noise(state: &mut u64) -> f64 {
+    *state = state
+        .wrapping_mul(6_364_136_223_846_793_005)
+        .wrapping_add(1_442_695_040_888_963_407);
+    (*state >> 33) as f64 / f64::from(1_u32 << 30) - 1.0
+}
+
+/// 10 s under a proportional and derivative controller, with friction of 3.0 Nm and 2.0 Nm s/rad, and `more` by the time since the
+/// direction changed.
+fn log(more: impl Fn(f64) -> f64) -> Log {
+    const FINE: usize = 20;
+    const ENCODER_RAD: f64 = 1e-5;
+    const BEND_RAD: f64 = 1e-3;
+    let inertia_kg_m2 = 0.025 + 2.0 * 0.25 * 0.25 + 1e-5 * RATIO * RATIO;
+    let step_s = 1.0 / RATE_HZ / FINE as f64;
+    let reference =
+        |t: f64| 0.6 * (3.1 * t).sin() + 0.35 * (7.3 * t).sin() - 0.2 * (1.3 * t).cos() + 0.2;
+    let (mut q, mut v, mut bend, mut since_s) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
+    let mut torque_nm = 0.0_f64;
+    let mut seed = 7;
+    let mut all = Log {
+        time_s: Vec::new(),
+        reference_rad: Vec::new(),
+        position_rad: Vec::new(),
+        velocity_rad_s: Vec::new(),
+        torque_nm: Vec::new(),
+        friction_nm: Vec::new(),
+    };
+    let mut seen_rad = 0.0;
+    for k in 0..(10.0 * RATE_HZ) as usize {
+        let t = k as f64 / RATE_HZ;
+        let before_rad = seen_rad;
+        seen_rad = (q / ENCODER_RAD).round() * ENCODER_RAD;
+        let rate_rad_s = if k == 0 {
+            0.0
+        } else {
+            (seen_rad - before_rad) * RATE_HZ
+        };
+        let reference_rate = (reference(t) - reference(t - 1.0 / RATE_HZ)) * RATE_HZ;
+        let command_nm = KP * (reference(t) - seen_rad) + KD * (reference_rate - rate_rad_s);
+        let friction_nm = 3.0 * bend + 2.0 * v + more(since_s) * v.signum();
+        all.time_s.push(t);
+        all.reference_rad.push(reference(t));
+        all.position_rad.push(seen_rad);
+        all.velocity_rad_s.push(v);
+        all.torque_nm.push(torque_nm + 0.02 * noise(&mut seed));
+        all.friction_nm.push(friction_nm);
+        for _ in 0..FINE {
+            let friction_nm = 3.0 * bend + 2.0 * v + more(since_s) * v.signum();
+            let weight_nm = 2.0 * 9.81 * 0.25 * q.sin();
+            let before = v;
+            v += step_s * (torque_nm - weight_nm - friction_nm) / inertia_kg_m2;
+            q += step_s * v;
+            bend = (bend + step_s * v / BEND_RAD).clamp(-1.0, 1.0);
+            since_s = if before * v < 0.0 {
+                0.0
+            } else {
+                since_s + step_s
+            };
+        }
+        torque_nm = command_nm;
+    }
+    all
+}
+
+fn plain() -> Log {
+    log(|_| 0.0)
+}
+
+fn recording(time_s: Vec<f64>, signals: Vec<(Signal, Vec<f64>)>) -> Recording {
+    Recording {
+        time_s,
+        segment: None,
+        joints: vec![JointColumns {
+            name: "shoulder".to_owned(),
+            signals: signals.into_iter().collect(),
+        }],
+        sample_rate_hz: RATE_HZ,
+        metadata: BTreeMap::new(),
+        truncated: false,
+    }
+}
+
+fn motor_side(joint_side_nm: &[f64]) -> Vec<f64> {
+    joint_side_nm.iter().map(|nm| nm / RATIO).collect()
+}
+
+fn as_recorded(log: Log) -> Vec<(Signal, Vec<f64>)> {
+    let torque_nm = motor_side(&log.torque_nm);
+    vec![
+        (Signal::ReferencePositionRad, log.reference_rad),
+        (Signal::LinkPositionRad, log.position_rad),
+        (Signal::LinkVelocityRadS, log.velocity_rad_s),
+        (Signal::MotorTorqueNm, torque_nm),
+    ]
+}
+
+fn told(robot: &Robot, recording: Recording) -> Report {
+    let recordings = [("log".to_owned(), recording)];
+    diagnose(robot, &recordings, &Options::default(), &|_| ())
+        .unwrap()
+        .report
+}
+
+fn value(joint: &JointReport, effect: &str, parameter: &str) -> f64 {
+    let found = joint.effects.iter().find(|found| found.effect == effect);
+    found.map_or(f64::NAN, |found| found.parameters[parameter].value)
+}
+
+/// Coulomb friction of 3.0 Nm and viscous friction of 2.0 Nm s/rad explain it, and nothing misleads.
+fn is_told(report: &Report) {
+    let joint = &report.joints[0];
+    let names: Vec<&str> = joint.effects.iter().map(|e| e.effect.as_str()).collect();
+    let first = |name: &str| names.iter().take(2).any(|known| *known == name);
+    assert!(
+        first("coulomb_friction") && first("viscous_friction"),
+        "{names:?}"
+    );
+    assert!(
+        !names.iter().any(|name| SENSING.contains(name)),
+        "{names:?}"
+    );
+    assert_eq!(joint.verdict, Verdict::Explained, "{names:?}");
+    let coulomb_nm = value(joint, "coulomb_friction", "coulomb_nm");
+    let viscous = value(joint, "viscous_friction", "viscous_nm_s_rad");
+    assert!((2.8..3.2).contains(&coulomb_nm), "{coulomb_nm}");
+    assert!((1.8..2.2).contains(&viscous), "{viscous}");
+    let all = joint.effects.iter().chain(&joint.minor_effects);
+    let sum: f64 = all.map(|effect| effect.share).sum::<f64>() + joint.remaining_share;
+    assert!((sum - 1.0).abs() < 1e-6, "{sum}");
+}
+
+fn warns(report: &Report, of: &str) {
+    let all: Vec<String> = report.data.iter().map(ToString::to_string).collect();
+    let warned = report
+        .data
+        .iter()
+        .any(|finding| finding.severity == "warning" && finding.to_string().contains(of));
+    assert!(warned, "{all:?}");
+}
+
+#[test]
+fn friction_explains_a_joint_whose_file_states_little() {
+    let log = plain();
+    let report = told(&robot(""), recording(log.time_s.clone(), as_recorded(log)));
+    is_told(&report);
+    // what the sensors show is a line to add, and no effect
+    let all: Vec<String> = report.data.iter().map(ToString::to_string).collect();
+    let told = all
+        .iter()
+        .any(|note| note.contains("link_encoder_resolution_rad = 1.00e-5"));
+    assert!(told, "{all:?}");
+}
+
+#[test]
+fn time_since_1970_is_time() {
+    let log = plain();
+    let time_s = log.time_s.iter().map(|t| 1.7e9 + t).collect();
+    is_told(&told(&robot(""), recording(time_s, as_recorded(log))));
+}
+
+#[test]
+fn a_reversed_command_beside_a_good_torque_is_left_out() {
+    let log = plain();
+    let time_s = log.time_s.clone();
+    let reversed = log.torque_nm.iter().map(|nm| -nm / RATIO).collect();
+    let mut signals = as_recorded(log);
+    signals.push((Signal::CommandTorqueNm, reversed));
+    let report = told(&robot(""), recording(time_s, signals));
+    is_told(&report);
+    warns(&report, "command_torque_nm is left out");
+}
+
+#[test]
+fn a_reversed_torque_is_told_and_not_used() {
+    let log = plain();
+    let time_s = log.time_s.clone();
+    let mut signals = as_recorded(log);
+    signals[3].1.iter_mut().for_each(|nm| *nm = -*nm);
+    let report = told(&robot(""), recording(time_s, signals));
+    assert_eq!(report.joints[0].verdict, Verdict::InsufficientData);
+    assert!(
+        report.joints[0].reason.contains("reversed"),
+        "{}",
+        report.joints[0].reason
+    );
+}
+
+#[test]
+fn a_models_torque_in_the_commands_place_is_told_and_left_alone() {
+    let log = plain();
+    let time_s = log.time_s.clone();
+    let both = log.torque_nm.iter().zip(&log.friction_nm);
+    let target = both
+        .map(|(torque, friction)| (torque - friction) / RATIO)
+        .collect();
+    let mut signals = as_recorded(log);
+    signals.push((Signal::CommandTorqueNm, target));
+    let report = told(&robot(""), recording(time_s, signals));
+    is_told(&report);
+    warns(&report, "command_torque_nm is not what the drive made");
+}
+
+#[test]
+fn a_velocity_that_lags_is_left_out() {
+    let log = plain();
+    let time_s = log.time_s.clone();
+    let rows = 0..log.velocity_rad_s.len();
+    let slow = rows.map(|k| {
+        let within = &log.velocity_rad_s[k.saturating_sub(40)..=k];
+        0.765 * within.iter().sum::<f64>() / within.len() as f64
+    });
+    let slow: Vec<f64> = slow.collect();
+    let mut signals = as_recorded(log);
+    signals[2].1 = slow;
+    let report = told(&robot(""), recording(time_s, signals));
+    is_told(&report);
+    warns(&report, "link_velocity_rad_s is left out");
+}
+
+/// A sensor behind the gear does not feel the rotor, so the log has none.
+fn behind_the_gear() -> (Robot, Log) {
+    let mut log = plain();
+    let rotor_kg_m2 = 1e-5 * RATIO * RATIO;
+    for k in 1..log.torque_nm.len() - 1 {
+        let acceleration = (log.velocity_rad_s[k + 1] - log.velocity_rad_s[k - 1]) * 0.5 * RATE_HZ;
+        log.torque_nm[k] -= rotor_kg_m2 * acceleration;
+    }
+    (robot(""), log)
+}
+
+#[test]
+fn a_torque_sensor_alone_is_enough() {
+    let (robot, log) = behind_the_gear();
+    let signals = vec![
+        (Signal::LinkPositionRad, log.position_rad),
+        (Signal::JointTorqueNm, log.torque_nm),
+    ];
+    is_told(&told(&robot, recording(log.time_s, signals)));
+}
+
+#[test]
+fn lost_rows_are_bridged() {
+    let (robot, log) = behind_the_gear();
+    // bursts of one to three rows of 40
+    let kept: Vec<usize> = (0..log.time_s.len())
+        .filter(|k| k % 120 > 2 && k % 77 > 0)
+        .collect();
+    let pick = |values: &[f64]| kept.iter().map(|k| values[*k]).collect::<Vec<f64>>();
+    let signals = vec![
+        (Signal::LinkPositionRad, pick(&log.position_rad)),
+        (Signal::JointTorqueNm, pick(&log.torque_nm)),
+    ];
+    is_told(&told(&robot, recording(pick(&log.time_s), signals)));
+}
+
+#[test]
+fn positions_alone_are_enough_where_the_controller_is_known() {
+    let log = plain();
+    let signals = vec![
+        (Signal::ReferencePositionRad, log.reference_rad),
+        (Signal::LinkPositionRad, log.position_rad),
+    ];
+    is_told(&told(&known_control(), recording(log.time_s, signals)));
+}
+
+#[test]
+fn positions_alone_are_not_enough_without() {
+    let log = plain();
+    let signals = vec![
+        (Signal::ReferencePositionRad, log.reference_rad),
+        (Signal::LinkPositionRad, log.position_rad),
+    ];
+    let report = told(&robot(""), recording(log.time_s, signals));
+    assert_eq!(report.joints[0].verdict, Verdict::InsufficientData);
+    assert!(
+        report.joints[0].reason.contains("[control]"),
+        "{}",
+        report.joints[0].reason
+    );
+}
+
+#[test]
+fn friction_stays_named_beside_a_law_on_no_list() {
+    let log = log(|since_s| 2.0 * (1.0 - (-since_s / 0.4).exp()));
+    let report = told(&robot(""), recording(log.time_s.clone(), as_recorded(log)));
+    let joint = &report.joints[0];
+    assert_eq!(joint.verdict, Verdict::PartlyExplained);
+    let names: Vec<&str> = joint.effects.iter().map(|e| e.effect.as_str()).collect();
+    assert_eq!(names.len(), 2, "{names:?}");
+    assert!(
+        names.contains(&"coulomb_friction") && names.contains(&"viscous_friction"),
+        "{names:?}"
+    );
+    assert_eq!(joint.remaining, Remaining::Structured);
+    let over = joint.remaining_over.first().map(|over| over.over);
+    assert_eq!(over, Some(Remains::SinceReversal));
+}
+
+#[test]
+fn without_a_gap_nothing_is_named() {
+    let log = plain();
+    let time_s = log.time_s.clone();
+    let file = "effects = [\n  { effect = \"coulomb_friction\", coulomb_nm = 3.0 },\n  { effect = \"viscous_friction\", \
+                viscous_nm_s_rad = 2.0 },\n]\n";
+    let report = told(&robot(file), recording(time_s, as_recorded(log)));
+    let joint = &report.joints[0];
+    assert_eq!(joint.verdict, Verdict::NoGap, "{:?}", joint.effects);
+}

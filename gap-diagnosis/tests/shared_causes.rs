@@ -1,0 +1,146 @@
+//! What several joints see of one cause is told once.
+
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use gap_diagnosis::report::{Report, Verdict};
+use gap_diagnosis::{Options, diagnose};
+use recording::{JointColumns, Recording, Signal};
+use robot::{Effect, Robot, RobotFile, Source};
+
+const RATE_HZ: f64 = 250.0;
+const JOINTS: [&str; 3] = ["base", "shoulder", "elbow"];
+
+fn robot() -> Robot {
+    let link = |joint: &str, axis: &str, origin: &str, mass: f64| {
+        format!(
+            "[[link]]\njoint = \"{joint}\"\norigin_m = {origin}\naxis = {axis}\nmass_kg = {mass}\ncentre_of_mass_m = [0.0, 0.02, 0.2]\n\
+             inertia_kg_m2 = {{ xx = 0.05, yy = 0.05, zz = 0.02, xy = 0.0, yz = 0.0, xz = 0.0 }}\n[[joint]]\nname = \"{joint}\"\n"
+        )
+    };
+    let text = [
+        "name = \"arm\"\n".to_owned(),
+        link("base", "[0.0, 0.0, 1.0]", "[0.0, 0.0, 0.0]", 6.0),
+        link("shoulder", "[0.0, 1.0, 0.0]", "[0.0, 0.0, 0.3]", 5.0),
+        link("elbow", "[0.0, 1.0, 0.0]", "[0.0, 0.0, 0.4]", 3.0),
+    ]
+    .concat();
+    let file = RobotFile::parse(&text, "arm.toml").unwrap();
+    file.build(Source::File(PathBuf::from("arm.toml"))).unwrap()
+}
+
+/// Along sines, the torque that the robot with these effects needs, friction of 2 Nm at every joint, and noise.
+fn told(effects: Vec<Effect>) -> Report {
+    let robot = robot();
+    let real = Robot {
+        shared_effects: effects,
+        ..robot.clone()
+    };
+    let chain = real.loaded_chain().unwrap();
+    let waves = [[0.7, 0.9], [0.5, 1.3], [0.8, 1.1]];
+    let rows = (20.0 * RATE_HZ) as usize;
+    let time_s: Vec<f64> = (0..rows).map(|k| k as f64 / RATE_HZ).collect();
+    let mut columns = vec![[Vec::new(), Vec::new()]; JOINTS.len()];
+    let mut seed = 3_u64;
+    for t in &time_s {
+        let mut motion = [[0.0; 3]; 3];
+        for (joint, [size, rate]) in waves.iter().enumerate() {
+            for (part, rate) in [(1.0, *rate), (0.3, 2.7 * rate)] {
+                let phase = rate * t + joint as f64;
+                motion[0][joint] += part * size * phase.sin();
+                motion[1][joint] += part * size * rate * phase.cos();
+                motion[2][joint] -= part * size * rate * rate * phase.sin();
+            }
+        }
+        let mut torque_nm = [0.0; 3];
+        chain.inverse_dynamics(&motion[0], &motion[1], &motion[2], &mut torque_nm);
+        for (joint, column) in columns.iter_mut().enumerate() {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            let noise = (seed >> 33) as f64 / f64::from(1_u32 << 30) - 1.0;
+            column[0].push(motion[0][joint]);
+            column[1].push(torque_nm[joint] + 2.0 * motion[1][joint].signum() + 0.2 * noise);
+        }
+    }
+    let joints = JOINTS
+        .iter()
+        .zip(columns)
+        .map(|(name, [position, torque])| JointColumns {
+            name: (*name).to_owned(),
+            signals: BTreeMap::from([
+                (Signal::LinkPositionRad, position),
+                (Signal::MotorTorqueNm, torque),
+            ]),
+        });
+    let recording = Recording {
+        time_s,
+        segment: None,
+        joints: joints.collect(),
+        sample_rate_hz: RATE_HZ,
+        metadata: BTreeMap::new(),
+        truncated: false,
+    };
+    let recordings = [("log".to_owned(), recording)];
+    diagnose(&robot, &recordings, &Options::default(), &|_| ())
+        .unwrap()
+        .report
+}
+
+fn has_friction(report: &Report) {
+    for joint in &report.joints {
+        assert_eq!(joint.verdict, Verdict::Explained, "{}", joint.joint);
+        let friction = joint
+            .effects
+            .iter()
+            .find(|e| e.effect == "coulomb_friction");
+        let coulomb_nm = friction.unwrap().parameters["coulomb_nm"].value;
+        assert!(
+            (coulomb_nm - 2.0).abs() < 0.1,
+            "{}: {coulomb_nm}",
+            joint.joint
+        );
+        let of_shared = report.shared_effects.iter().flat_map(|s| &s.joint_shares);
+        let shared: f64 = of_shared
+            .filter(|(name, _)| **name == joint.joint)
+            .map(|(_, share)| share.share)
+            .sum();
+        let own = joint.effects.iter().chain(&joint.minor_effects);
+        let all = own.map(|e| e.share).sum::<f64>() + shared + joint.remaining_share;
+        assert!((all - 1.0).abs() < 1e-6, "{}: {all}", joint.joint);
+    }
+}
+
+#[test]
+fn a_payload_is_one_cause_of_all_joints() {
+    let report = told(vec![Effect::Payload {
+        mass_kg: 1.5,
+        centre_m: [0.0, 0.05, 0.3],
+    }]);
+    let shared = &report.shared_effects;
+    assert_eq!(shared.len(), 1);
+    assert_eq!(shared[0].effect.effect, "payload");
+    let value = |name: &str| shared[0].effect.parameters[name].value;
+    assert!((value("mass_kg") - 1.5).abs() < 0.3, "{}", value("mass_kg"));
+    assert!((value("mass_kg") * value("centre_m_z") - 0.45).abs() < 0.1);
+    has_friction(&report);
+}
+
+#[test]
+fn a_tilted_base_is_told_as_one() {
+    let report = told(vec![Effect::BaseTilt {
+        roll_rad: 0.0,
+        pitch_rad: 0.05,
+    }]);
+    assert_eq!(report.shared_effects[0].effect.effect, "base_tilt");
+    let pitch_rad = report.shared_effects[0].effect.parameters["pitch_rad"].value;
+    assert!((pitch_rad - 0.05).abs() < 0.01, "{pitch_rad}");
+    has_friction(&report);
+}
+
+#[test]
+fn friction_alone_is_no_cause_that_joints_share() {
+    let report = told(Vec::new());
+    assert!(report.shared_effects.is_empty());
+    has_friction(&report);
+}
