@@ -2,8 +2,10 @@
 //! name.
 //!
 //! One rest may show over several variables, and two tables of it would take it off twice. So each joint gets one table, over the
-//! variable that holds most; what another diagnosis with the new file still finds is the next one's.
+//! variable that holds most; what another diagnosis with the new file still finds is the next one's. A rest that would be too small
+//! for a name is too small for a table: on another motion it took off nothing and, beyond the angles that were seen, added to the gap.
 
+use gap_diagnosis::Options;
 use gap_diagnosis::report::{JointReport, Remains, RemainsOver, Report};
 use robot::{TableOver, TorqueTable};
 use toml_edit::{Array, DocumentMut, Table};
@@ -68,7 +70,11 @@ fn table(rest: &RemainsOver) -> Option<(Remains, TorqueTable)> {
             table.torque_nm.push(rounded(*torque_nm));
         }
     }
-    (table.at.len() > 1 && rest.share > 0.0).then_some((rest.over, table))
+    (table.at.len() > 1 && is_material(rest)).then_some((rest.over, table))
+}
+
+fn is_material(rest: &RemainsOver) -> bool {
+    rest.share >= Options::default().materiality
 }
 
 fn add(
@@ -118,6 +124,7 @@ fn told(joint: &JointReport, written: Option<Remains>) -> Vec<String> {
                 "it may be what the table over {} holds; diagnose again with the new file",
                 variable(written)
             ),
+            _ if !is_material(rest) => "it is too small to be worth a table".to_owned(),
             _ => "no table over one number of the joint can hold it".to_owned(),
         };
         format!(
@@ -193,6 +200,15 @@ mod tests {
             &[0.1, 0.100_000_01, 0.2],
         )]);
         assert!(near.text.contains("at = [0.1, 0.2]"), "{}", near.text);
+    }
+
+    #[test]
+    fn a_rest_too_small_for_a_name_is_too_small_for_a_table() {
+        let small = applied(vec![rest(Remains::Load, 0.01, &[0.0, 1.0])]);
+        assert!(small.changes.is_empty());
+        assert!(
+            small.left_out[0].contains("1.0 % of the gap over load are left out: it is too small")
+        );
     }
 
     #[test]

@@ -146,7 +146,7 @@ pub fn percent(share: f64) -> String {
     };
     match 100.0 * share {
         // less than anybody measures
-        tiny if tiny.abs() < 0.01 => "0".to_owned(),
+        tiny if tiny != 0.0 && tiny.abs() < 0.01 => "<0.01".to_owned(),
         percent => number(percent, digits),
     }
 }
@@ -334,7 +334,7 @@ mod tests {
     fn shares_and_values_have_the_digits_that_tell() {
         let shares = [0.5121, 0.999_93, 1.0, 0.996, 0.0, 1e-7];
         let told = shares.map(percent);
-        assert_eq!(told, ["51", "99.993", "100", "99.6", "0", "0"]);
+        assert_eq!(told, ["51", "99.993", "100", "99.6", "0", "<0.01"]);
         let values = [3.0, 3.24, 2.004, 120.0, 0.0305, -5.551];
         let told = values.map(short);
         assert_eq!(told, ["3.0", "3.24", "2.0", "120", "0.0305", "−5.55"]);
