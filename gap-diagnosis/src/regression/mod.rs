@@ -28,10 +28,13 @@ use crate::diagnose::{
     DiagnoseError, Diagnosis, JointTraces, Progress, blank_report, insufficient,
 };
 use crate::on_all_cores::OnAllCores;
-use crate::report::{DataFinding, JointShare, NamedEffect, Parameter, SharedEffect, TwinKind};
+use crate::report::{
+    DataFinding, JointShare, NamedEffect, Parameter, SharedEffect, SignalGap, TwinKind,
+};
 use arm::Cause;
 use dynamics::{Drive, Torques};
-use evidence::{Evidence, Fit, Message, Names, Problem, Scored};
+use evidence::{Evidence, Fit, Item, Message, Names, Problem, Scored, Span};
+use laws::Laws;
 use motion::{Piece, Read};
 use rows::JointRows;
 use signals::TorqueSource;
@@ -193,17 +196,26 @@ fn said(
     let both = joints.iter().zip(searched).enumerate();
     both.on_all_cores(|(place, (joint, Both { alone, with }))| {
         let best = with.as_ref().unwrap_or(alone);
+        let called = Laws {
+            all: joint.rows.laws.iter().map(|(law, _)| *law).collect(),
+            told: laws::Told {
+                model: joint.drive.model(),
+                feels_rotor: joint.source != TorqueSource::Sensor,
+                mean_rad: joint.rows.mean_rad,
+            },
+        };
         let found = Found {
             joint: &robot.joints[joint.index].name,
             rows: &joint.rows,
-            drive: &joint.drive,
-            feels_rotor: joint.source != TorqueSource::Sensor,
+            called: &called,
+            gear_ratio: joint.drive.model().gear_ratio,
+            noise_square: joint.rows.noise_nm.powi(2) * joint.rows.len() as f64,
             evidence: &best.evidence,
             alone: &alone.evidence,
             sets: &best.sets,
             leaves_a_law: best.leaves_a_law,
             shared: shared.map(Shared::name),
-            signal: joint.source.signal_name(),
+            signals: vec![joint.signal_gap()],
             materiality,
         };
         found.said(&others(joints, place))
@@ -246,25 +258,49 @@ fn joints(robot: &Robot, read: &[Read], pieces: &[Piece]) -> Result<Vec<Joint>, 
 }
 
 impl Joint {
-    fn problem<'a>(
-        &'a self,
-        gap_nm: &'a [f64],
-        smooth: &'a [Vec<f64>],
-        shared: Option<&'a Prior>,
-    ) -> Problem<'a> {
-        Problem {
-            gap_nm,
-            laws: &self.rows.laws,
-            expects_friction: self.drive.is_smooth(),
+    fn items(&self) -> Vec<Item<'_>> {
+        let expects_friction = self.drive.is_smooth();
+        let laws = self.rows.laws.iter();
+        laws.map(|(law, columns)| Item {
+            kind: law.kind(),
+            cost: law.cost(expects_friction),
+            deviation: law.deviation(),
+            is_usual: law.is_usual(),
+            columns,
+        })
+        .collect()
+    }
+
+    fn spans(&self) -> [Span; 1] {
+        [Span {
+            rows: 0..self.rows.len(),
+            floor_nm: 0.0,
+        }]
+    }
+
+    fn evidence(&self, smooth: &[Vec<f64>], shared: Option<&Prior>) -> Evidence {
+        Evidence::of(&Problem {
+            gap_nm: &self.rows.gap_nm(),
+            spans: &self.spans(),
+            items: &self.items(),
             tolerated: &self.rows.tolerated,
             smooth,
             shared: shared.map(|prior| (prior.columns.as_slice(), &prior.message)),
+        })
+    }
+
+    fn signal_gap(&self) -> SignalGap {
+        let rows = self.rows.len().max(1) as f64;
+        let gap_nm = self.rows.gap_nm();
+        let square = gap_nm.iter().map(|x| x * x).sum::<f64>() / rows;
+        SignalGap {
+            signal: self.source.signal_name().to_owned(),
+            gap_to_noise: square.sqrt() / self.rows.noise_nm.max(f64::MIN_POSITIVE),
         }
     }
 
     fn searched(&self, shared: Option<&Prior>) -> Searched {
-        let gap_nm = self.rows.gap_nm();
-        let evidence = Evidence::of(&self.problem(&gap_nm, &[], shared));
+        let evidence = self.evidence(&[], shared);
         let sets = evidence.best(|fit| self.is_possible(fit));
         Searched {
             evidence,
@@ -276,11 +312,10 @@ impl Joint {
     /// Takes back names whose part of the gap a smooth law over what no name depends on explains better: the best set of the others,
     /// beside such a law, where that is ahead of the best set.
     fn without_imitations(&self, searched: &mut Searched, shared: Option<&Prior>) {
-        let gap_nm = self.rows.gap_nm();
         let best = searched.sets[0];
         let mut ahead: Option<(f64, Names)> = None;
         for smooth in remaining::rivals(&self.rows) {
-            let evidence = Evidence::of(&self.problem(&gap_nm, &smooth, shared));
+            let evidence = self.evidence(&smooth, shared);
             // what every joint may have is not taken back
             let usual = best.names & evidence.usual();
             let others = best.names & !usual;
@@ -313,8 +348,9 @@ impl Joint {
     fn is_possible(&self, fit: &Fit) -> bool {
         let rows = &self.rows;
         let model = self.drive.model();
-        Evidence::is_possible(
+        laws::is_possible(
             fit,
+            |item| rows.laws[item].0,
             |law| law.limits(model, rows.speed_rad_s, rows.inertia_kg_m2),
             |velocity_rad_s| model.friction.drag_nm(velocity_rad_s, 0.0, 0.0, 0.0),
             rows.speed_rad_s,
@@ -517,8 +553,7 @@ fn beside(
             .on_all_cores(|((joint, prior), place): (_, usize)| {
                 // names that were found without the cause may stand for it
                 if round == 0 {
-                    let gap_nm = joint.rows.gap_nm();
-                    let evidence = Evidence::of(&joint.problem(&gap_nm, &[], Some(prior)));
+                    let evidence = joint.evidence(&[], Some(prior));
                     return evidence.message(evidence.usual());
                 }
                 let searched = &with[place];
@@ -596,10 +631,8 @@ fn worth(alone: &Searched, with: &Searched) -> f64 {
         let cost = searched.evidence.cost(searched.sets[0].names);
         (left.max(f64::MIN_POSITIVE), cost)
     });
-    let independent = alone
-        .evidence
-        .independent_rows
-        .min(with.evidence.independent_rows);
+    let rows = |of: &Searched| of.evidence.independent_rows();
+    let independent = rows(alone).min(rows(with));
     0.5 * independent * (a.0 / b.0).ln() + a.1 - b.1
 }
 

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use robot::Effect;
 
-use super::dynamics::Drive;
-use super::evidence::{Evidence, Fit, Scored};
-use super::laws::{Law, Told as OfLaw};
+use nalgebra::DMatrix;
+
+use super::evidence::{Evidence, Fit, Names, Scored};
 use super::rows::JointRows;
 use super::shares::{Game, Interval, Shares};
 use crate::judge;
@@ -34,16 +34,37 @@ const WEIGHT_MIN: f64 = 1e-3;
 /// Nats to the unit of log odds in which probabilities are stated.
 pub const TEMPERATURE: f64 = 1.0;
 
+/// What the items of a joint's evidence are called.
+pub trait Called: Sync {
+    /// How many there are.
+    fn items(&self) -> usize;
+    /// Which of them are one name with other shapes.
+    fn kind(&self, item: usize) -> usize;
+    /// Whether every joint may have it.
+    fn is_usual(&self, item: usize) -> bool;
+    /// The effect, as a change against the file.
+    fn effect(&self, item: usize, amplitudes: &[f64]) -> Effect;
+    /// Its parameters with their errors, from its amplitudes' covariance.
+    fn parameters(
+        &self,
+        item: usize,
+        amplitudes: &[f64],
+        covariance: &DMatrix<f64>,
+    ) -> BTreeMap<String, Parameter>;
+}
+
 /// One joint with all that was found.
 pub struct Found<'a> {
     /// Name.
     pub joint: &'a str,
     /// Its rows.
     pub rows: &'a JointRows,
-    /// Its file.
-    pub drive: &'a Drive,
-    /// Whether the torque was taken before the gear.
-    pub feels_rotor: bool,
+    /// What its items are called.
+    pub called: &'a dyn Called,
+    /// Of its gear.
+    pub gear_ratio: f64,
+    /// Sum of squares that noise and the twin make up, of all rows.
+    pub noise_square: f64,
     /// With the shared cause, if the arm has one.
     pub evidence: &'a Evidence,
     /// Without it.
@@ -54,8 +75,8 @@ pub struct Found<'a> {
     pub leaves_a_law: bool,
     /// Name of the arm's shared cause, if it has one.
     pub shared: Option<&'static str>,
-    /// The recording's name of the torque.
-    pub signal: &'static str,
+    /// The gap of each compared signal.
+    pub signals: Vec<SignalGap>,
     /// Share below which an effect is minor.
     pub materiality: f64,
 }
@@ -71,32 +92,17 @@ pub struct Said {
 }
 
 impl Found<'_> {
-    fn of_law(&self) -> OfLaw<'_> {
-        OfLaw {
-            model: self.drive.model(),
-            feels_rotor: self.feels_rotor,
-            mean_rad: self.rows.mean_rad,
-        }
+    /// The name of an item in a set, whose amplitude may decide it.
+    fn name_in(&self, names: Names, item: usize) -> &'static str {
+        let fit = self.evidence.fit(names);
+        let own = fit.amplitudes.iter().find(|(other, _)| *other == item);
+        let amplitudes = own.map_or(&[][..], |(_, values)| values.as_slice());
+        self.called.effect(item, amplitudes).name()
     }
 
-    fn name(&self, law: Law, amplitudes: &[f64]) -> &'static str {
-        law.effect(amplitudes, &self.of_law()).name()
-    }
-
-    /// The name of a law in a set, whose amplitude may decide it.
-    fn name_in(&self, scored: &Scored, index: usize) -> &'static str {
-        let law = self.evidence.laws()[index];
-        if law == Law::Inertia {
-            let fit = self.evidence.fit(scored.names);
-            let own = fit.amplitudes.iter().find(|(other, _)| *other == law);
-            return self.name(law, own.map_or(&[], |(_, values)| values.as_slice()));
-        }
-        self.name(law, &[])
-    }
-
-    /// Laws of a set by their place.
+    /// Items of a set by their place.
     fn players(&self, scored: &Scored) -> Vec<usize> {
-        (0..self.evidence.laws().len())
+        (0..self.called.items())
             .filter(|index| scored.names & (1 << index) != 0)
             .collect()
     }
@@ -108,7 +114,7 @@ impl Found<'_> {
             let chosen = players.iter().enumerate();
             let names = chosen
                 .filter(|(place, _)| set & (1 << place) != 0)
-                .fold(0, |names, (_, index)| names | 1 << index);
+                .fold(0, |names: Names, (_, index)| names | 1 << index);
             let with_shared = self.shared.is_some() && set & (1 << players.len()) != 0;
             let evidence = if with_shared {
                 self.evidence
@@ -120,7 +126,7 @@ impl Found<'_> {
         Game {
             left: left.collect(),
             players: count,
-            noise: self.rows.noise_nm.powi(2) * self.rows.len() as f64,
+            noise: self.noise_square,
         }
     }
 
@@ -132,9 +138,9 @@ impl Found<'_> {
         let weights = self.weights();
         let effects = self.effects(&fit, &shares, &weights);
         let (effects, minor_effects): (Vec<_>, Vec<_>) =
-            effects.into_iter().partition(|(law, effect)| {
+            effects.into_iter().partition(|(item, effect)| {
                 // what few joints have must take a part of the gap for certain
-                effect.share >= self.materiality && (law.is_usual() || effect.share_low > 0.0)
+                effect.share >= self.materiality && (self.called.is_usual(*item) || effect.share_low > 0.0)
             });
         let [mut effects, minor_effects] = [effects, minor_effects].map(|named| {
             let named = named.into_iter();
@@ -151,13 +157,13 @@ impl Found<'_> {
             .map(|(gap, predicted)| gap - predicted)
             .collect();
         let rows = self.rows.len() as f64;
-        let noise = self.rows.noise_nm.powi(2);
+        let noise = self.noise_square / rows;
         let nothing = self.alone.scored(0).left.iter().sum::<f64>() / rows - noise;
         let left = best.left.iter().sum::<f64>() / rows - noise;
         let remaining_over = super::remaining::over(
             self.rows,
             others,
-            self.drive.model().gear_ratio,
+            self.gear_ratio,
             &rest_nm,
             [left, nothing],
         );
@@ -193,7 +199,7 @@ impl Found<'_> {
             joint: self.joint.to_owned(),
             verdict,
             reason: String::new(),
-            place: self.place(&effects, &gap_nm, &gap, &remaining_over),
+            place: self.place(&effects, &gap_nm, &remaining_over),
             effects,
             minor_effects,
             candidates,
@@ -222,39 +228,36 @@ impl Found<'_> {
         self.sets.iter().map(|set| odds(set) / sum).collect()
     }
 
-    fn effects(&self, fit: &Fit, shares: &Shares, weights: &[f64]) -> Vec<(Law, NamedEffect)> {
+    fn effects(&self, fit: &Fit, shares: &Shares, weights: &[f64]) -> Vec<(usize, NamedEffect)> {
         let mut place = 0;
         let mut all = Vec::new();
-        for (player, (law, amplitudes)) in fit.amplitudes.iter().enumerate() {
-            let told = self.of_law();
-            let effect = law.effect(amplitudes, &told);
-            let mut parameters = parameters(&effect);
-            for (name, amplitude, per) in law.parameters(amplitudes, &told) {
-                let at = place + amplitude;
-                if let Some(parameter) = parameters.get_mut(name) {
-                    parameter.std = per.abs() * fit.covariance[(at, at)].max(0.0).sqrt();
-                }
-            }
-            place += law.amplitudes();
+        for (player, (item, amplitudes)) in fit.amplitudes.iter().enumerate() {
+            let effect = self.called.effect(*item, amplitudes);
+            let count = amplitudes.len();
+            let covariance = fit.covariance.view((place, place), (count, count));
+            let parameters = self
+                .called
+                .parameters(*item, amplitudes, &covariance.into_owned());
+            place += count;
             let share = shares.of[player];
-            let kind = law.kind();
+            let kind = self.called.kind(*item);
             let with = self.sets.iter().zip(weights).filter(|(set, _)| {
                 let players = self.players(set);
                 players
                     .iter()
-                    .any(|k| self.evidence.laws()[*k].kind() == kind)
+                    .any(|k| self.called.kind(*k) == kind)
             });
             let named = NamedEffect {
                 effect: effect.name().to_owned(),
                 probability: with.map(|(_, weight)| weight).sum::<f64>().min(1.0),
                 parameters,
-                side: None,
+                side: judge::side(&effect),
                 share: share.value,
                 share_low: share.low,
                 share_high: share.high,
                 shrink_alone: shares.alone[player],
             };
-            all.push((*law, named));
+            all.push((*item, named));
         }
         all
     }
@@ -284,7 +287,7 @@ impl Found<'_> {
             let name = match largest {
                 Some(place) if shares.of[place].value >= shares.remaining.value => {
                     match players.get(place) {
-                        Some(index) => self.name_in(set, *index),
+                        Some(index) => self.name_in(set.names, *index),
                         None => self.shared.unwrap_or("unknown"),
                     }
                 }
@@ -318,8 +321,8 @@ impl Found<'_> {
             if gone.count_ones() != 1 || come.count_ones() != 1 {
                 continue;
             }
-            let one = self.name_in(best, gone.trailing_zeros() as usize);
-            let other = self.name_in(set, come.trailing_zeros() as usize);
+            let one = self.name_in(best.names, gone.trailing_zeros() as usize);
+            let other = self.name_in(set.names, come.trailing_zeros() as usize);
             let is_known = pairs
                 .iter()
                 .any(|pair| pair.effects[0] == one && pair.effects[1] == other);
@@ -329,7 +332,7 @@ impl Found<'_> {
                     distance: 2.0 * behind,
                     reason: format!(
                         "alike on this motion: {behind:.1} nats apart, of what {:.0} independent rows tell",
-                        self.evidence.independent_rows
+                        self.evidence.independent_rows()
                     ),
                 });
             }
@@ -341,7 +344,7 @@ impl Found<'_> {
         let rows = self.rows.len().max(1) as f64;
         let before = gap_nm.iter().map(|x| x * x).sum::<f64>() / rows;
         let after = best.left.iter().sum::<f64>() / rows;
-        let noise = self.rows.noise_nm.powi(2);
+        let noise = self.noise_square / rows;
         let shrink = |after: f64| 1.0 - (after - noise) / (before - noise).max(f64::MIN_POSITIVE);
         let all = self.alone.scored(0).left.iter().sum::<f64>() / rows;
         // the interval is of what the names take; the file's tolerances come off before
@@ -350,7 +353,7 @@ impl Found<'_> {
             torque_rms_nm: BeforeAfter {
                 before: before.sqrt(),
                 after: after.sqrt(),
-                noise_floor: self.rows.noise_nm,
+                noise_floor: noise.sqrt(),
                 held_out: true,
             },
             position_rms_rad: BeforeAfter::default(),
@@ -364,7 +367,6 @@ impl Found<'_> {
         &self,
         effects: &[NamedEffect],
         gap_nm: &[f64],
-        gap: &Gap,
         remaining: &[RemainsOver],
     ) -> Where {
         let mut stages: BTreeMap<Stage, f64> = BTreeMap::new();
@@ -378,8 +380,6 @@ impl Found<'_> {
             .into_iter()
             .map(|(stage, share)| (stage, share / sum.max(f64::MIN_POSITIVE)))
             .collect();
-        let torque = &gap.torque_rms_nm;
-        let noise_nm = torque.noise_floor.max(f64::MIN_POSITIVE);
         let mut all = regimes("position_rad", &self.rows.position_rad, gap_nm);
         all.extend(regimes_of_motor(self, gap_nm));
         all.extend(regimes("load_nm", &self.rows.load_nm, gap_nm));
@@ -387,10 +387,7 @@ impl Found<'_> {
         Where {
             stage: stage.or_else(|| self.stage_of_single(remaining)),
             stages,
-            signals: vec![SignalGap {
-                signal: self.signal.to_owned(),
-                gap_to_noise: torque.before / noise_nm,
-            }],
+            signals: self.signals.clone(),
             regimes: all,
             bands: bands(self.rows, gap_nm),
         }
@@ -401,17 +398,17 @@ impl Found<'_> {
         if remaining.is_empty() {
             return None;
         }
-        let laws = 0..self.evidence.laws().len();
-        let best = laws
+        let items = 0..self.called.items();
+        let best = items
             .map(|index| self.evidence.scored(1 << index))
             .max_by(|a, b| a.score.total_cmp(&b.score))?;
         let index = best.names.trailing_zeros() as usize;
-        Some(Stage::of(self.name_in(&best, index)))
+        Some(Stage::of(self.name_in(best.names, index)))
     }
 }
 
 fn regimes_of_motor(found: &Found<'_>, gap_nm: &[f64]) -> Vec<Regime> {
-    let ratio = found.drive.model().gear_ratio;
+    let ratio = found.gear_ratio;
     let velocity = found.rows.velocity_rad_s.iter();
     let motor: Vec<f64> = velocity.map(|v| ratio * v).collect();
     regimes("motor_velocity_rad_s", &motor, gap_nm)
