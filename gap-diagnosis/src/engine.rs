@@ -3,6 +3,7 @@
 use recording::{Recording, Signal};
 use robot::{Robot, RobotJoint};
 
+use crate::closed_loop;
 use crate::control;
 use crate::diagnose::{self, DiagnoseError, Diagnosis, Progress};
 use crate::regression;
@@ -80,7 +81,8 @@ pub fn diagnose(
     let engine = options.engine;
     let diagnosed = match engine.unwrap_or_else(|| Engine::for_robot(robot, recordings)) {
         Engine::Motion => regression::diagnose(robot, recordings, options.materiality, progress),
-        Engine::Simulation => diagnose::diagnose(robot, recordings, progress),
+        Engine::Simulation if std::env::var("OLD").is_ok() => diagnose::diagnose(robot, recordings, progress),
+        Engine::Simulation => closed_loop::diagnose(robot, recordings, options.materiality, progress),
     };
     let mut diagnosis = diagnosed?;
     let of_file = robot.notes.iter().map(|what| DataFinding {

@@ -4,6 +4,7 @@
 pub mod baseline;
 mod beside;
 mod confuse;
+pub mod closed_loop;
 pub mod control;
 pub mod data;
 pub mod diagnose;

@@ -2,7 +2,8 @@
 //!
 //! `S = Σ N/2 · ln(1 / (mean square left out + floor²)) - cost`, in nats, summed over the channels that are compared. N is how many
 //! rows of what the best set leaves are independent: real joints always leave something, and that, with its own correlation, is the
-//! yardstick; not the noise of a sensor. What lies below a channel's floor is nobody's.
+//! yardstick; not the noise of a sensor. What lies below a channel's floor is nobody's. What the file's values are strained is half
+//! the square of its standard deviations, in nats, by the prior that their tolerance is.
 
 use std::ops::Range;
 
@@ -77,6 +78,8 @@ pub struct Problem<'a> {
     pub tolerated: &'a [Vec<f64>],
     /// Columns of a smooth law on no list, which may stand for names. They are one more place behind the laws.
     pub smooth: &'a [Vec<f64>],
+    /// Part of what the names explain by which no law is exact.
+    pub inexact: f64,
     /// A shared cause's columns, with what the other joints say of them.
     pub shared: Option<(&'a [Vec<f64>], &'a Message)>,
 }
@@ -98,6 +101,7 @@ pub struct Evidence {
     spans: Vec<Span>,
     /// Of each span, part by part.
     parts: Vec<Vec<Sums>>,
+    inexact: f64,
     shared: Option<Message>,
     shared_columns: usize,
     /// Of the residual that decides, span by span.
@@ -113,6 +117,8 @@ pub struct Settled {
     pub independent_rows: f64,
     /// Mean square, the floor included.
     pub variance: f64,
+    /// Mean square that is nobody's: the floor's, and what no law is exact by.
+    pub floor: f64,
 }
 
 #[derive(Clone)]
@@ -173,14 +179,6 @@ impl Evidence {
         evidence
     }
 
-    /// Of a problem whose best set's residual is known.
-    pub fn settled_by(problem: &Problem<'_>, settled: &[Settled]) -> Self {
-        let mut evidence = Self::begun(problem);
-        evidence.settled = settled.to_vec();
-        evidence.eliminate();
-        evidence
-    }
-
     fn begun(problem: &Problem<'_>) -> Self {
         let mut columns: Vec<Vec<f64>> = Vec::new();
         let mut own = Vec::new();
@@ -218,7 +216,10 @@ impl Evidence {
             Settled {
                 independent_rows: ROWS_LEAST,
                 // a tenth is left: the order of what real joints leave, before it is known
-                variance: (0.1 * square).max(span.floor_nm.powi(2)).max(f64::MIN_POSITIVE),
+                variance: (0.1 * square)
+                    .max(span.floor_nm.powi(2))
+                    .max(f64::MIN_POSITIVE),
+                floor: span.floor_nm.powi(2),
             }
         });
         Self {
@@ -238,11 +239,17 @@ impl Evidence {
             gap_nm: problem.gap_nm.to_vec(),
             settled: begun.collect(),
             spans: problem.spans.to_vec(),
+            inexact: problem.inexact,
             shared,
             shared_columns,
             reduced: Vec::new(),
             whole: Reduced::empty(),
         }
+    }
+
+    /// What is explained, as it counts.
+    pub fn gap_nm(&self) -> &[f64] {
+        &self.gap_nm
     }
 
     /// What the best set leaves, signal by signal.
@@ -292,16 +299,22 @@ impl Evidence {
             .map(|(gap, predicted)| gap - predicted)
             .collect();
         let left = self.left(names);
+        let without = self.left(0);
         self.settled = self
             .spans
             .iter()
             .enumerate()
             .map(|(index, span)| {
-                let square: f64 = left.iter().map(|part| part[index]).sum();
-                let mean = square / span.rows.len().max(1) as f64;
+                let [mean, before] = [&left, &without].map(|of| {
+                    let square: f64 = of.iter().map(|part| part[index]).sum();
+                    square / span.rows.len().max(1) as f64
+                });
+                let inexact = self.inexact.powi(2) * (before - mean).max(0.0);
+                let floor = span.floor_nm.powi(2) + inexact;
                 Settled {
                     independent_rows: independent_rows(&rest[span.rows.clone()]),
-                    variance: (mean + span.floor_nm.powi(2)).max(f64::MIN_POSITIVE),
+                    variance: (mean + floor).max(f64::MIN_POSITIVE),
+                    floor,
                 }
             })
             .collect();
@@ -448,7 +461,7 @@ impl Evidence {
     /// One set's score.
     pub fn scored(&self, names: Names) -> Scored {
         let by_part = self.left(names);
-        let mut score = -self.cost(names);
+        let mut score = -self.cost(names) - 0.5 * self.strain(names);
         let mut left = [0.0; PARTS];
         let spans = self.spans.iter().zip(&self.settled).zip(self.relative());
         for (index, ((span, settled), factor)) in spans.enumerate() {
@@ -457,17 +470,52 @@ impl Evidence {
                 *left += factor * part[index];
                 square += part[index];
             }
-            let mean = square / span.rows.len().max(1) as f64 + span.floor_nm.powi(2);
+            let mean = square / span.rows.len().max(1) as f64 + settled.floor;
             score -= 0.5 * settled.independent_rows * mean.max(f64::MIN_POSITIVE).ln();
         }
         Scored { names, score, left }
     }
 
-    /// Sum of squares that the floors make up, in the units of [`Scored::left`].
-    pub fn floor_square(&self) -> f64 {
+    /// Squares of the standard deviations by which the file's values are off beside a set.
+    fn strain(&self, names: Names) -> f64 {
+        let places = self.places(names);
+        let rest = self.whole.rest_of(&places, &self.whole.values(&places));
+        let tolerated = self.columns.len() - self.law_columns - self.shared_columns;
+        rest.rows(0, tolerated).norm_squared()
+    }
+
+    /// Sum of a column's squares, in the units of [`Scored::left`].
+    pub fn square(&self, column: &[f64]) -> f64 {
         let spans = self.spans.iter().zip(self.relative());
         spans
-            .map(|(span, factor)| factor * span.rows.len() as f64 * span.floor_nm.powi(2))
+            .map(|(span, factor)| {
+                let own = column[span.rows.clone()].iter();
+                factor * own.map(|x| x * x).sum::<f64>()
+            })
+            .sum()
+    }
+
+    /// Mean square that a set leaves out of each signal.
+    pub fn mean_squares(&self, names: Names) -> Vec<f64> {
+        let by_part = self.left(names);
+        let spans = self.spans.iter().enumerate();
+        spans
+            .map(|(index, span)| {
+                let square: f64 = by_part.iter().map(|part| part[index]).sum();
+                square / span.rows.len().max(1) as f64
+            })
+            .collect()
+    }
+
+    /// Sum of squares that the floors make up of what a set leaves, in the units of [`Scored::left`].
+    pub fn floor_square(&self, names: Names) -> f64 {
+        let left = self.mean_squares(names);
+        let spans = self.spans.iter().zip(&self.settled).zip(self.relative());
+        spans
+            .zip(left)
+            .map(|(((span, settled), factor), left)| {
+                factor * span.rows.len() as f64 * settled.floor.min(left)
+            })
             .sum()
     }
 

@@ -4,17 +4,17 @@
 //! For a robot whose controller or gears the file does not tell, this is the honest twin: inverse dynamics of the motion that was
 //! recorded, which cannot leave the recording. What has a state of its own (a gear's windup, hysteresis, a delay) is not seen.
 
-mod arm;
+pub(crate) mod arm;
 mod dynamics;
-mod evidence;
+pub(crate) mod evidence;
 mod laws;
 mod motion;
 mod presliding;
-mod remaining;
-mod rows;
-mod shares;
+pub(crate) mod remaining;
+pub(crate) mod rows;
+pub(crate) mod shares;
 mod signals;
-mod told;
+pub(crate) mod told;
 mod usable;
 
 use std::collections::BTreeMap;
@@ -214,6 +214,7 @@ fn said(
             alone: &alone.evidence,
             sets: &best.sets,
             leaves_a_law: best.leaves_a_law,
+            is_at_floor: None,
             shared: shared.map(Shared::name),
             signals: vec![joint.signal_gap()],
             materiality,
@@ -285,6 +286,7 @@ impl Joint {
             items: &self.items(),
             tolerated: &self.rows.tolerated,
             smooth,
+            inexact: 0.0,
             shared: shared.map(|prior| (prior.columns.as_slice(), &prior.message)),
         })
     }

@@ -23,7 +23,7 @@ const EXPLAINED: f64 = 0.9;
 /// Or, with structure left, explain a part of it.
 const PARTLY: f64 = 0.2;
 /// What is left reaches the noise within this factor: two standard deviations of it.
-const FLOOR: f64 = 2.0;
+pub const FLOOR: f64 = 2.0;
 /// Part of the torque within which what is left is the sensors': torque transducers and current sensors of class 0.5 are linear to half
 /// a per cent.
 const LINEAR: f64 = 0.005;
@@ -73,6 +73,8 @@ pub struct Found<'a> {
     pub sets: &'a [Scored],
     /// Whether a smooth law on no list explains something that the names leave.
     pub leaves_a_law: bool,
+    /// Whether the best set leaves no more than what a twin may be off by; none where nothing tells that, and the noise decides.
+    pub is_at_floor: Option<bool>,
     /// Name of the arm's shared cause, if it has one.
     pub shared: Option<&'static str>,
     /// The gap of each compared signal.
@@ -151,7 +153,8 @@ impl Found<'_> {
         effects.sort_by(|a, b| b.share.total_cmp(&a.share));
         let shared = self.shared.map(|_| shares.of[shares.of.len() - 1]);
         let gap_nm = self.rows.gap_nm();
-        let rest_nm: Vec<f64> = gap_nm
+        // the rows are those of the first signal
+        let rest_nm: Vec<f64> = self.evidence.gap_nm()[..self.rows.len()]
             .iter()
             .zip(&fit.predicted_nm)
             .map(|(gap, predicted)| gap - predicted)
@@ -167,11 +170,14 @@ impl Found<'_> {
             &rest_nm,
             [left, nothing],
         );
-        let candidates = self.candidates(&weights, &shares, &remaining_over);
+        let at_floor = self
+            .is_at_floor
+            .unwrap_or(left + noise <= FLOOR.powi(2) * noise);
+        let is_quiet = self.is_at_floor.unwrap_or(remaining_over.is_empty());
+        let candidates = self.candidates(&weights, &shares, is_quiet);
         let taken: f64 = effects.iter().map(|effect| effect.share).sum::<f64>()
             + shared.map_or(0.0, |shared| shared.value);
         let gap = self.gap(&best, &shares, &gap_nm);
-        let at_floor = left + noise <= FLOOR.powi(2) * noise;
         let has_names = !effects.is_empty() || shared.is_some_and(|s| s.value >= self.materiality);
         let confusable = self.confusable(&best);
         let leads = candidates.first().map_or(0.0, |first| first.probability);
@@ -180,7 +186,8 @@ impl Found<'_> {
         let torque = torque_nm.iter().map(|x| x * x).sum::<f64>() / rows;
         let leaves_structure = self.leaves_a_law && left + noise > LINEAR.powi(2) * torque;
         let verdict = if !has_names {
-            let is_empty = best.names == 0 && remaining_over.is_empty();
+            let is_empty =
+                best.names == 0 && remaining_over.is_empty() && self.is_at_floor.is_none();
             if is_empty || at_floor {
                 Verdict::NoGap
             } else {
@@ -267,7 +274,7 @@ impl Found<'_> {
         &self,
         weights: &[f64],
         of_best: &Shares,
-        remaining_over: &[RemainsOver],
+        is_quiet: bool,
     ) -> Vec<Candidate> {
         let mut by_name: BTreeMap<&'static str, f64> = BTreeMap::new();
         for (rank, (set, weight)) in self.sets.iter().zip(weights).enumerate() {
@@ -292,7 +299,7 @@ impl Found<'_> {
                     }
                 }
                 Some(_) => "unknown",
-                None if remaining_over.is_empty() => "none",
+                None if is_quiet => "none",
                 None => "unknown",
             };
             *by_name.entry(name).or_default() += weight;
