@@ -23,7 +23,7 @@ use crate::diagnose::{
 use crate::found::Found as Counted;
 use crate::observe::Channel;
 use crate::on_all_cores::OnAllCores;
-use crate::regression::evidence::{Evidence, Scored};
+use crate::regression::evidence::{Evidence, Problem, Scored};
 use crate::regression::rows::JointRows;
 use crate::regression::told::{FLOOR, Found, Said};
 use crate::repeats::floor::Repeated;
@@ -126,7 +126,7 @@ impl<'a> Joint<'a> {
     }
 
     fn weighed(&self, about: About, of_arm: Option<&OfArm>) -> Explained {
-        let evidence = about.evidence(&self.compared.spans, of_arm);
+        let evidence = about.evidence(&self.compared.spans, of_arm, Evidence::of);
         let sets = evidence.best(|fit| about.is_possible(&self.search, fit));
         Explained {
             about,
@@ -265,7 +265,13 @@ impl<'a> Joint<'a> {
         let settled = explained.evidence.settled();
         let mut above = left.iter().zip(settled);
         let is_at_floor = above.all(|(left, settled)| *left <= FLOOR.powi(2) * settled.floor);
-        let alone = arm.shared.map(|_| explained.about.evidence(&self.compared.spans, None));
+        let without_cause = |_| {
+            let beside = |problem: &Problem<'_>| Evidence::beside(problem, &explained.evidence);
+            explained
+                .about
+                .evidence(&self.compared.spans, None, beside)
+        };
+        let alone = arm.shared.map(without_cause);
         let called = Responses {
             search: &self.search,
             about: &explained.about,
@@ -279,7 +285,7 @@ impl<'a> Joint<'a> {
             evidence: &explained.evidence,
             alone: alone.as_ref().unwrap_or(&explained.evidence),
             sets: &explained.sets,
-            leaves_a_law: false,
+            leaves_a_law: !is_at_floor,
             is_at_floor: Some(is_at_floor),
             shared: arm.shared,
             signals: self.signals(&gap_nm),

@@ -184,12 +184,13 @@ impl About {
             responses,
             known,
         };
-        about.share_costs();
+        about.share_costs(search.twin.joints());
         Ok(about)
     }
 
-    /// Shapes of one name share its odds: each costs the logarithm of how many there are.
-    fn share_costs(&mut self) {
+    /// Shapes of one name share its odds: each costs the logarithm of how many there are. One joint of an arm has a cause by longer odds
+    /// than a bench's only one.
+    fn share_costs(&mut self, joints: usize) {
         let mut kinds: Vec<String> = Vec::new();
         for response in &mut self.responses {
             let name = kind_name(&response.term.hypothesis);
@@ -203,7 +204,8 @@ impl About {
         }
         let count = |kind: usize| self.responses.iter().filter(|of| of.kind == kind).count();
         let counts: Vec<usize> = (0..kinds.len()).map(count).collect();
-        let among = (kinds.len() as f64 / A_DOZEN).ln().max(0.0);
+        let among = (kinds.len() * joints) as f64 / A_DOZEN;
+        let among = among.ln().max(0.0);
         for response in &mut self.responses {
             response.cost += among;
             if response.term.hypothesis.shape_is_free() {
@@ -213,8 +215,13 @@ impl About {
     }
 
     /// The evidence, beside what the arm shares.
-    pub fn evidence(&self, spans: &[Span], of_arm: Option<&OfArm>) -> Evidence {
-        Evidence::of(&Problem {
+    pub fn evidence<R>(
+        &self,
+        spans: &[Span],
+        of_arm: Option<&OfArm>,
+        of: impl FnOnce(&Problem<'_>) -> R,
+    ) -> R {
+        of(&Problem {
             gap_nm: &self.gap_nm,
             spans,
             items: &self.items(),

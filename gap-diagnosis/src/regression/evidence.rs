@@ -154,7 +154,7 @@ pub struct Scored {
     pub names: Names,
     /// In nats.
     pub score: f64,
-    /// Sum of squares left out, part by part, over all rows; of further signals as much as they are worth beside the first.
+    /// Sum of squares left out, part by part, over all rows; of further signals in units of their floors, as large as the first's.
     pub left: [f64; PARTS],
 }
 
@@ -176,6 +176,14 @@ impl Evidence {
     pub fn of(problem: &Problem<'_>) -> Self {
         let mut evidence = Self::begun(problem);
         evidence.settle();
+        evidence
+    }
+
+    /// Of a problem that is told beside another, by what that one's best set leaves.
+    pub fn beside(problem: &Problem<'_>, other: &Self) -> Self {
+        let mut evidence = Self::begun(problem);
+        evidence.settled.clone_from(&other.settled);
+        evidence.eliminate();
         evidence
     }
 
@@ -270,6 +278,20 @@ impl Evidence {
         };
         (0..self.spans.len())
             .map(|span| worth(span) / worth(0).max(f64::MIN_POSITIVE))
+            .collect()
+    }
+
+    /// How many rows' squares one row of a span has, beside a row of the first, for shares of the gap's energy: each signal in units of
+    /// its floor, as many rows of each.
+    fn energies(&self) -> Vec<f64> {
+        let first = &self.spans[0];
+        let of_floor = |span: &Span| {
+            let part = first.rows.len() as f64 / span.rows.len().max(1) as f64;
+            part * (first.floor_nm / span.floor_nm).powi(2)
+        };
+        let spans = self.spans.iter().enumerate();
+        spans
+            .map(|(index, span)| if index == 0 { 1.0 } else { of_floor(span) })
             .collect()
     }
 
@@ -463,7 +485,7 @@ impl Evidence {
         let by_part = self.left(names);
         let mut score = -self.cost(names) - 0.5 * self.strain(names);
         let mut left = [0.0; PARTS];
-        let spans = self.spans.iter().zip(&self.settled).zip(self.relative());
+        let spans = self.spans.iter().zip(&self.settled).zip(self.energies());
         for (index, ((span, settled), factor)) in spans.enumerate() {
             let mut square = 0.0;
             for (left, part) in left.iter_mut().zip(&by_part) {
@@ -476,6 +498,33 @@ impl Evidence {
         Scored { names, score, left }
     }
 
+    /// Nats by which a set with another item would stay behind if `names` were the truth: what `gone`'s part leaves where `come` takes its
+    /// place and everything else gives way.
+    pub fn apart(&self, names: Names, gone: usize, come: usize) -> f64 {
+        let whole = &self.whole;
+        let all = self.places(names);
+        let values = whole.values(&all);
+        let own = self.places(1 << gone);
+        let part: Vec<f64> = own
+            .iter()
+            .filter_map(|place| Some(values[all.iter().position(|other| other == place)?]))
+            .collect();
+        let others = self.places(names & !(1 << gone) | 1 << come);
+        // how the part pulls on each column
+        let pulled = |place: &usize| {
+            let both = own.iter().zip(&part);
+            both.map(|(own, value)| value * whole.train[(*place, *own)])
+                .sum::<f64>()
+        };
+        let square: f64 = own.iter().zip(&part).map(|(own, value)| value * pulled(own)).sum();
+        let pull = DVector::from_iterator(others.len(), others.iter().map(pulled));
+        let taken = match whole.picked(&others).0.cholesky() {
+            Some(solved) => pull.dot(&solved.solve(&pull)),
+            None => 0.0,
+        };
+        0.5 * self.row_precision() * (square - taken).max(0.0)
+    }
+
     /// Squares of the standard deviations by which the file's values are off beside a set.
     fn strain(&self, names: Names) -> f64 {
         let places = self.places(names);
@@ -486,7 +535,7 @@ impl Evidence {
 
     /// Sum of a column's squares, in the units of [`Scored::left`].
     pub fn square(&self, column: &[f64]) -> f64 {
-        let spans = self.spans.iter().zip(self.relative());
+        let spans = self.spans.iter().zip(self.energies());
         spans
             .map(|(span, factor)| {
                 let own = column[span.rows.clone()].iter();
@@ -510,7 +559,7 @@ impl Evidence {
     /// Sum of squares that the floors make up of what a set leaves, in the units of [`Scored::left`].
     pub fn floor_square(&self, names: Names) -> f64 {
         let left = self.mean_squares(names);
-        let spans = self.spans.iter().zip(&self.settled).zip(self.relative());
+        let spans = self.spans.iter().zip(&self.settled).zip(self.energies());
         spans
             .zip(left)
             .map(|(((span, settled), factor), left)| {

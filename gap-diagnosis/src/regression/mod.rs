@@ -33,7 +33,7 @@ use crate::report::{
 };
 use arm::Cause;
 use dynamics::{Drive, Torques};
-use evidence::{Evidence, Fit, Item, Message, Names, Problem, Scored, Span};
+use evidence::{Evidence, Fit, Item, Message, Problem, Scored, Span};
 use laws::Laws;
 use motion::{Piece, Read};
 use rows::JointRows;
@@ -279,8 +279,13 @@ impl Joint {
         }]
     }
 
-    fn evidence(&self, smooth: &[Vec<f64>], shared: Option<&Prior>) -> Evidence {
-        Evidence::of(&Problem {
+    fn evidence<R>(
+        &self,
+        smooth: &[Vec<f64>],
+        shared: Option<&Prior>,
+        of: impl FnOnce(&Problem<'_>) -> R,
+    ) -> R {
+        of(&Problem {
             gap_nm: &self.rows.gap_nm(),
             spans: &self.spans(),
             items: &self.items(),
@@ -302,7 +307,7 @@ impl Joint {
     }
 
     fn searched(&self, shared: Option<&Prior>) -> Searched {
-        let evidence = self.evidence(&[], shared);
+        let evidence = self.evidence(&[], shared, Evidence::of);
         let sets = evidence.best(|fit| self.is_possible(fit));
         Searched {
             evidence,
@@ -314,37 +319,12 @@ impl Joint {
     /// Takes back names whose part of the gap a smooth law over what no name depends on explains better: the best set of the others,
     /// beside such a law, where that is ahead of the best set.
     fn without_imitations(&self, searched: &mut Searched, shared: Option<&Prior>) {
-        let best = searched.sets[0];
-        let mut ahead: Option<(f64, Names)> = None;
-        for smooth in remaining::rivals(&self.rows) {
-            let evidence = self.evidence(&smooth, shared);
-            // what every joint may have is not taken back
-            let usual = best.names & evidence.usual();
-            let others = best.names & !usual;
-            let mut subset = others;
-            let known = evidence.scored(best.names).score;
-            loop {
-                let score = evidence.scored(subset | usual | evidence.smooth()).score;
-                if score > known && ahead.is_none_or(|(most, _)| score - known > most) {
-                    ahead = Some((score - known, subset | usual));
-                }
-                if subset == 0 {
-                    break;
-                }
-                subset = (subset - 1) & others;
-            }
-        }
-        searched.leaves_a_law = ahead.is_some();
-        if let Some((_, names)) = ahead
-            && names != best.names
-        {
-            // sets with what is taken back are no more
-            let taken = best.names & !names;
-            searched.sets.retain(|set| set.names & taken == 0);
-            let kept = searched.evidence.scored(names);
-            searched.sets.retain(|set| set.names != names);
-            searched.sets.insert(0, kept);
-        }
+        let rivals = remaining::rivals(&self.rows).into_iter();
+        let beside = |problem: &Problem<'_>| Evidence::beside(problem, &searched.evidence);
+        let rivals = rivals.map(|smooth| self.evidence(&smooth, shared, beside));
+        let (leaves_a_law, names) = remaining::without_imitations(rivals, searched.sets[0].names);
+        searched.leaves_a_law = leaves_a_law;
+        remaining::take_back(&mut searched.sets, &searched.evidence, names);
     }
 
     fn is_possible(&self, fit: &Fit) -> bool {
@@ -555,7 +535,7 @@ fn beside(
             .on_all_cores(|((joint, prior), place): (_, usize)| {
                 // names that were found without the cause may stand for it
                 if round == 0 {
-                    let evidence = joint.evidence(&[], Some(prior));
+                    let evidence = joint.evidence(&[], Some(prior), Evidence::of);
                     return evidence.message(evidence.usual());
                 }
                 let searched = &with[place];

@@ -29,6 +29,8 @@ pub const FLOOR: f64 = 2.0;
 const LINEAR: f64 = 0.005;
 /// Nats within which two sets cannot be told apart: odds of one to twenty, the cost of a name.
 const NEAR: f64 = 3.0;
+/// Nats by which one name would have to be ahead of another, if it were true, to be told from it: three standard deviations.
+const ALIKE: f64 = 4.5;
 /// Below this weight a set's shares are not looked at.
 const WEIGHT_MIN: f64 = 1e-3;
 /// Nats to the unit of log odds in which probabilities are stated.
@@ -341,6 +343,29 @@ impl Found<'_> {
                         "alike on this motion: {behind:.1} nats apart, of what {:.0} independent rows tell",
                         self.evidence.independent_rows()
                     ),
+                });
+            }
+        }
+        for gone in self.players(best) {
+            let held = self.players(best);
+            let kinds: Vec<usize> = held.iter().map(|item| self.called.kind(*item)).collect();
+            for come in 0..self.called.items() {
+                if kinds.contains(&self.called.kind(come)) {
+                    continue;
+                }
+                let apart = self.evidence.apart(best.names, gone, come);
+                let one = self.name_in(best.names, gone);
+                let other = self.name_in(best.names, come);
+                let is_known = pairs
+                    .iter()
+                    .any(|pair| pair.effects[0] == one && pair.effects[1] == other);
+                if apart > ALIKE || one == other || is_known {
+                    continue;
+                }
+                pairs.push(Confusable {
+                    effects: [one.to_owned(), other.to_owned()],
+                    distance: 2.0 * apart,
+                    reason: "one takes the other's place on this motion, whichever is there".to_owned(),
                 });
             }
         }
