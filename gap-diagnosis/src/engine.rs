@@ -15,7 +15,10 @@ use crate::stretch::measured;
 pub enum Engine {
     /// Inverse dynamics of the recorded motion, on all sets of names by one held-out score.
     Motion,
-    /// A simulation of each joint in its controller's loop, with the encoders and the noise that the file states.
+    /// A simulation of each joint in its controller's loop, on sets of names by the same held-out score.
+    ClosedLoop,
+    /// A simulation of each joint in its controller's loop, with the encoders and the noise that the file states, by Bayes factors of
+    /// its own.
     Simulation,
 }
 
@@ -81,8 +84,10 @@ pub fn diagnose(
     let engine = options.engine;
     let diagnosed = match engine.unwrap_or_else(|| Engine::for_robot(robot, recordings)) {
         Engine::Motion => regression::diagnose(robot, recordings, options.materiality, progress),
-        Engine::Simulation if std::env::var("OLD").is_ok() => diagnose::diagnose(robot, recordings, progress),
-        Engine::Simulation => closed_loop::diagnose(robot, recordings, options.materiality, progress),
+        Engine::ClosedLoop => {
+            closed_loop::diagnose(robot, recordings, options.materiality, progress)
+        }
+        Engine::Simulation => diagnose::diagnose(robot, recordings, progress),
     };
     let mut diagnosis = diagnosed?;
     let of_file = robot.notes.iter().map(|what| DataFinding {

@@ -3,8 +3,8 @@
 
 pub mod baseline;
 mod beside;
-mod confuse;
 pub mod closed_loop;
+mod confuse;
 pub mod control;
 pub mod data;
 pub mod diagnose;

@@ -65,7 +65,9 @@ pub struct GapDiagnoseArguments {
 pub enum GapEngine {
     /// Inverse dynamics of the recorded motion
     Motion,
-    /// A simulation in the controller's loop
+    /// A simulation in the controller's loop, by the same score as motion
+    ClosedLoop,
+    /// A simulation in the controller's loop, by a score of its own
     Simulation,
 }
 
@@ -73,6 +75,7 @@ impl From<GapEngine> for gap_diagnosis::Engine {
     fn from(engine: GapEngine) -> Self {
         match engine {
             GapEngine::Motion => Self::Motion,
+            GapEngine::ClosedLoop => Self::ClosedLoop,
             GapEngine::Simulation => Self::Simulation,
         }
     }

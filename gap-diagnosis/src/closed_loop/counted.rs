@@ -35,8 +35,10 @@ pub fn add(
         }
     }
     report.remaining_share *= 1.0 - settled_share;
-    let (settled, beside): (Vec<&Found>, Vec<&Found>) =
-        counted.iter().filter(|found| !is_common(found)).partition(|found| is_settled(found));
+    let (settled, beside): (Vec<&Found>, Vec<&Found>) = counted
+        .iter()
+        .filter(|found| !is_common(found))
+        .partition(|found| is_settled(found));
     for found in &settled {
         let share = settled_share / settled.len() as f64;
         report.effects.push(named_effect(found, share));
@@ -52,9 +54,7 @@ pub fn add(
         let share = rest / beside.len() as f64;
         report.effects.push(named_effect(found, share));
     }
-    report
-        .effects
-        .sort_by(|a, b| b.share.total_cmp(&a.share));
+    report.effects.sort_by(|a, b| b.share.total_cmp(&a.share));
     report.verdict = match report.verdict {
         Verdict::NoGap => Verdict::Explained,
         Verdict::Unexplained => Verdict::PartlyExplained,

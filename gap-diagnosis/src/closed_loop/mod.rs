@@ -25,12 +25,10 @@ use crate::observe::Channel;
 use crate::on_all_cores::OnAllCores;
 use crate::regression::evidence::{Evidence, Problem, Scored};
 use crate::regression::rows::JointRows;
+use crate::regression::shares::Interval;
 use crate::regression::told::{FLOOR, Found, Said};
 use crate::repeats::floor::Repeated;
-use crate::regression::shares::Interval;
-use crate::report::{
-    BeforeAfter, DataFinding, Gap, JointReport, JointShare, SignalGap, Verdict,
-};
+use crate::report::{BeforeAfter, DataFinding, Gap, JointReport, JointShare, SignalGap, Verdict};
 use crate::search::{Model, Search, Term};
 use crate::shared::{CommonDelay, common_delay};
 use crate::stretch::stretches;
@@ -42,8 +40,7 @@ use shared::Shared;
 
 /// Rounds in which the best set and the responses about it settle.
 const ROUNDS: usize = 3;
-/// Sets of other names that are fitted by simulation in each: of 135 development joints with an effect the right names were among the
-/// first four by their responses.
+/// Sets of different names that are fitted by simulation in each.
 const FITTED: usize = 4;
 
 /// One joint with its twin, ready to be explained.
@@ -179,13 +176,14 @@ impl<'a> Joint<'a> {
             .iter()
             .on_all_cores(|(_, set)| {
                 let start = about.told(&self.search, &evidence.fit(set.names));
-                let refined =
-                    refined(&self.search, &self.compared, &worth, &about.known, &start)?;
+                let refined = refined(&self.search, &self.compared, &worth, &about.known, &start)?;
                 Ok((refined.nats + evidence.cost(set.names), refined.model))
             })
             .collect::<Result<Vec<(f64, Model)>, FilterError>>()?;
         let best = fitted.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
-        Ok(best.map(|(_, model)| model).filter(|model| !model.terms.is_empty()))
+        Ok(best
+            .map(|(_, model)| model)
+            .filter(|model| !model.terms.is_empty()))
     }
 
     /// Rows of the motor's signal, as they count.
@@ -267,9 +265,7 @@ impl<'a> Joint<'a> {
         let is_at_floor = above.all(|(left, settled)| *left <= FLOOR.powi(2) * settled.floor);
         let without_cause = |_| {
             let beside = |problem: &Problem<'_>| Evidence::beside(problem, &explained.evidence);
-            explained
-                .about
-                .evidence(&self.compared.spans, None, beside)
+            explained.about.evidence(&self.compared.spans, None, beside)
         };
         let alone = arm.shared.map(without_cause);
         let called = Responses {
@@ -291,7 +287,9 @@ impl<'a> Joint<'a> {
             signals: self.signals(&gap_nm),
             materiality,
         };
-        let Said { mut report, shared, .. } = found.said(&[]);
+        let Said {
+            mut report, shared, ..
+        } = found.said(&[]);
         report.gap = self.gap(&report, &gap_nm, left[0]);
         let evidence = &explained.evidence;
         let all = evidence.square(&gap_nm);
@@ -337,7 +335,8 @@ impl<'a> Joint<'a> {
             shrink,
             // as far from it as the interval of what all signals are told
             shrink_low: (shrink - (told.shrink - told.shrink_low)).min(shrink),
-            shrink_high: (shrink + (told.shrink_high - told.shrink)).clamp(shrink, f64::max(1.0, shrink)),
+            shrink_high: (shrink + (told.shrink_high - told.shrink))
+                .clamp(shrink, f64::max(1.0, shrink)),
         }
     }
 
@@ -479,7 +478,10 @@ pub fn diagnose(
                 };
                 of_cause.insert(name.clone(), share);
             }
-            if common.as_ref().is_some_and(|common| common.joints.contains(&index)) {
+            if common
+                .as_ref()
+                .is_some_and(|common| common.joints.contains(&index))
+            {
                 let share = JointShare {
                     share: told.settled_share,
                     share_low: told.settled_share,
@@ -499,4 +501,54 @@ pub fn diagnose(
     report.data.sort_by_key(DataFinding::rank);
     report.compute_seconds = begin.elapsed().as_secs_f64();
     Ok(Diagnosis { report, traces })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+mod tests {
+    use super::*;
+    use crate::made_up::{MadeUp, robot};
+
+    fn told(made_up: &MadeUp) -> JointReport {
+        let recordings = [("made up".to_owned(), made_up.recorded())];
+        let diagnosis = diagnose(&robot(), &recordings, 0.02, &|_| ()).unwrap();
+        diagnosis.report.joints.into_iter().next().unwrap()
+    }
+
+    fn names(joint: &JointReport) -> Vec<&str> {
+        let effects = joint.effects.iter();
+        effects.map(|found| found.effect.as_str()).collect()
+    }
+
+    #[test]
+    fn a_joint_as_its_file_has_it_has_no_gap() {
+        let joint = told(&MadeUp::KNOWN);
+        assert_eq!(joint.verdict, Verdict::NoGap, "{:?}", names(&joint));
+    }
+
+    #[test]
+    fn a_gap_in_the_gear_is_found_at_its_size() {
+        let gap_rad = 0.003;
+        let joint = told(&MadeUp {
+            gap_rad,
+            ..MadeUp::KNOWN
+        });
+        assert_eq!(names(&joint)[0], "backlash");
+        let found_rad = joint.effects[0].parameters["gap_rad"].value;
+        assert!((found_rad / gap_rad - 1.0).abs() < 0.1, "{found_rad}");
+        assert!(joint.gap.shrink > 0.8, "{}", joint.gap.shrink);
+    }
+
+    #[test]
+    fn a_ripple_is_told_with_its_cycles_and_takes_the_gap() {
+        let joint = told(&MadeUp {
+            ripple_nm: 1.0,
+            ..MadeUp::KNOWN
+        });
+        let ripple = &joint.effects[0];
+        assert_eq!(ripple.effect, "torque_ripple");
+        let cycles = ripple.parameters["cycles_per_motor_rev"].value;
+        assert!((cycles - 6.0).abs() < 0.05, "{cycles}");
+        assert!(ripple.share > 0.9, "{}", ripple.share);
+    }
 }

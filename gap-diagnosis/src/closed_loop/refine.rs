@@ -139,7 +139,13 @@ fn step(
 }
 
 /// A model with part of a step, within what its values can be.
-fn moved(search: &Search<'_>, model: &Model, known: usize, step: &DVector<f64>, part: f64) -> Model {
+fn moved(
+    search: &Search<'_>,
+    model: &Model,
+    known: usize,
+    step: &DVector<f64>,
+    part: f64,
+) -> Model {
     let mut moved = model.clone();
     for (value, step) in moved.known.iter_mut().zip(step.iter()) {
         *value = (*value + part * step).clamp(-TOLERANCE, TOLERANCE);

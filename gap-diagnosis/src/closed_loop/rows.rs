@@ -123,7 +123,11 @@ impl About {
     ///
     /// # Errors
     /// [`FilterError`].
-    pub fn of(search: &Search<'_>, compared: &Compared, model: &Model) -> Result<Self, FilterError> {
+    pub fn of(
+        search: &Search<'_>,
+        compared: &Compared,
+        model: &Model,
+    ) -> Result<Self, FilterError> {
         let mut model = model.clone();
         model.known.resize(search.twin.known.len(), 0.0);
         let base_nm = search.coarsely_nm(&model)?;
@@ -234,7 +238,11 @@ impl About {
 
     /// The evidence of what every joint may have, beside what the arm shares.
     pub fn usual_evidence(&self, spans: &[Span], of_arm: &OfArm) -> Evidence {
-        let items: Vec<Item<'_>> = self.items().into_iter().filter(|item| item.is_usual).collect();
+        let items: Vec<Item<'_>> = self
+            .items()
+            .into_iter()
+            .filter(|item| item.is_usual)
+            .collect();
         Evidence::of(&Problem {
             gap_nm: &self.gap_nm,
             spans,
@@ -299,7 +307,9 @@ impl About {
             let lowest = hypothesis.lowest(&search.scale);
             let error = ERRORS * fit.covariance[(own, own)].max(0.0).sqrt();
             let passes = hypothesis.amplitudes() == 1
-                && amplitudes.first().is_some_and(|value| value + error < lowest);
+                && amplitudes
+                    .first()
+                    .is_some_and(|value| value + error < lowest);
             !passes
         })
     }
@@ -347,7 +357,11 @@ fn kind_name(hypothesis: &Hypothesis) -> String {
 fn is_same(one: &Hypothesis, other: &Hypothesis) -> bool {
     one.shape.len() == other.shape.len()
         && kind_name(one) == kind_name(other)
-        && one.shape.iter().zip(&other.shape).all(|(a, b)| (a / b - 1.0).abs() < 0.3)
+        && one
+            .shape
+            .iter()
+            .zip(&other.shape)
+            .all(|(a, b)| (a / b - 1.0).abs() < 0.3)
 }
 
 impl Response {

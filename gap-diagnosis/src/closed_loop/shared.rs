@@ -215,7 +215,11 @@ fn worth<'a>(
     let shared = Shared {
         cause,
         effect: cause.effect(said.as_slice()),
-        std: covariance.diagonal().map(|x| x.max(0.0).sqrt()).as_slice().to_vec(),
+        std: covariance
+            .diagonal()
+            .map(|x| x.max(0.0).sqrt())
+            .as_slice()
+            .to_vec(),
         nats,
     };
     Ok((nats > 0.0 && is_body).then_some((shared, with)))
@@ -269,7 +273,9 @@ pub fn told_delay(
     let names = common.joints.iter();
     SharedEffect {
         effect: counted::named_effect(&common.found, share),
-        joints: names.map(|joint| robot.joints[*joint].name.clone()).collect(),
+        joints: names
+            .map(|joint| robot.joints[*joint].name.clone())
+            .collect(),
         joint_shares,
     }
 }

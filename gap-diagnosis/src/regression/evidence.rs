@@ -25,6 +25,8 @@ const INDEPENDENT: f64 = 0.05;
 const ROWS_LEAST: f64 = 10.0;
 /// Sets that fall behind the best by more nats than this have no weight: e⁻¹².
 const BEHIND: f64 = 12.0;
+/// Standard deviations of what a law is inexact by.
+const TRUER: f64 = 3.0;
 /// Keeps a matrix from being singular where two columns are alike, relative to a column's square.
 const ALIKE: f64 = 1e-9;
 
@@ -430,10 +432,8 @@ impl Evidence {
             }
             larger.sort_unstable();
             larger.dedup();
-            let mut scored: Vec<Scored> = larger
-                .into_iter()
-                .map(|names| self.scored(names))
-                .collect();
+            let mut scored: Vec<Scored> =
+                larger.into_iter().map(|names| self.scored(names)).collect();
             scored.sort_by(|a, b| b.score.total_cmp(&a.score));
             let kept = if size == 1 { scored.len() } else { GROWN };
             of_size = scored.iter().take(kept).map(|set| set.names).collect();
@@ -499,7 +499,7 @@ impl Evidence {
     }
 
     /// Nats by which a set with another item would stay behind if `names` were the truth: what `gone`'s part leaves where `come` takes its
-    /// place and everything else gives way.
+    /// place and everything else gives way. Laws that differ by less than they are inexact are not apart.
     pub fn apart(&self, names: Names, gone: usize, come: usize) -> f64 {
         let whole = &self.whole;
         let all = self.places(names);
@@ -516,13 +516,21 @@ impl Evidence {
             both.map(|(own, value)| value * whole.train[(*place, *own)])
                 .sum::<f64>()
         };
-        let square: f64 = own.iter().zip(&part).map(|(own, value)| value * pulled(own)).sum();
+        let square: f64 = own
+            .iter()
+            .zip(&part)
+            .map(|(own, value)| value * pulled(own))
+            .sum();
         let pull = DVector::from_iterator(others.len(), others.iter().map(pulled));
         let taken = match whole.picked(&others).0.cholesky() {
             Some(solved) => pull.dot(&solved.solve(&pull)),
             None => 0.0,
         };
-        0.5 * self.row_precision() * (square - taken).max(0.0)
+        let left = (square - taken).max(0.0);
+        if left < (TRUER * self.inexact).powi(2) * square {
+            return 0.0;
+        }
+        0.5 * self.row_precision() * left
     }
 
     /// Squares of the standard deviations by which the file's values are off beside a set.
@@ -696,8 +704,7 @@ fn parts(columns: &[Vec<f64>], gap_nm: &[f64], span: &Range<usize>) -> Vec<Sums>
     let rows = span.len();
     (0..PARTS)
         .map(|part| {
-            let within =
-                span.start + part * rows / PARTS..span.start + (part + 1) * rows / PARTS;
+            let within = span.start + part * rows / PARTS..span.start + (part + 1) * rows / PARTS;
             let count = columns.len();
             let mut gram = DMatrix::zeros(count, count);
             let mut vector = DVector::zeros(count);
@@ -853,4 +860,105 @@ pub fn independent_rows(signal: &[f64]) -> f64 {
         sum += 2.0 * correlation;
     }
     (rows as f64 / sum).max(ROWS_LEAST)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROWS: usize = 600;
+
+    fn noise(seed: u64) -> Vec<f64> {
+        let mut random = crate::search::uniform(seed);
+        (0..ROWS).map(|_| random() - 0.5).collect()
+    }
+
+    fn item(kind: usize, columns: &[Vec<f64>]) -> Item<'_> {
+        Item {
+            kind,
+            cost: NAME_NATS,
+            deviation: None,
+            is_usual: false,
+            columns,
+        }
+    }
+
+    fn span(rows: Range<usize>, floor_nm: f64) -> Span {
+        Span { rows, floor_nm }
+    }
+
+    fn evidence(
+        gap_nm: &[f64],
+        spans: &[Span],
+        items: &[Item<'_>],
+        known: &[Vec<f64>],
+    ) -> Evidence {
+        Evidence::of(&Problem {
+            gap_nm,
+            spans,
+            items,
+            tolerated: known,
+            smooth: &[],
+            inexact: 0.0,
+            shared: None,
+        })
+    }
+
+    fn sum(a: &[f64], b: &[f64], factor: f64) -> Vec<f64> {
+        a.iter().zip(b).map(|(a, b)| a + factor * b).collect()
+    }
+
+    #[test]
+    fn what_a_floor_covers_is_not_worth_a_name() {
+        let [column, rest] = [noise(1), noise(2)];
+        let gap_nm = sum(&rest, &column, 1.0);
+        let columns = [column];
+        let best = |floor_nm: f64| {
+            let of = evidence(
+                &gap_nm,
+                &[span(0..ROWS, floor_nm)],
+                &[item(0, &columns)],
+                &[],
+            );
+            of.best(|_| true)[0].names
+        };
+        assert_eq!(best(0.0), 1);
+        assert_eq!(best(10.0), 0);
+    }
+
+    #[test]
+    fn a_second_signal_tells_what_the_first_cannot() {
+        // alike in the first half of the rows, which is one signal, and not in the second
+        let one = noise(1);
+        let other = [&one[..ROWS / 2], &noise(3)[ROWS / 2..]].concat();
+        let gap_nm = sum(&noise(2), &one, 3.0);
+        let columns = [[one], [other]];
+        let items = [item(0, &columns[0]), item(1, &columns[1])];
+        let spans = [span(0..ROWS / 2, 0.01), span(ROWS / 2..ROWS, 0.01)];
+        let of = evidence(&gap_nm, &spans, &items, &[]);
+        assert_eq!(of.best(|_| true)[0].names, 1);
+        assert!(of.apart(1, 0, 1) > 100.0, "{}", of.apart(1, 0, 1));
+        let blind = [span(0..ROWS / 2, 0.01)];
+        let half = |column: &[Vec<f64>; 1]| [column[0][..ROWS / 2].to_vec()];
+        let columns = columns.each_ref().map(half);
+        let items = [item(0, &columns[0]), item(1, &columns[1])];
+        let of = evidence(&gap_nm[..ROWS / 2], &blind, &items, &[]);
+        assert!(of.apart(1, 0, 1) < 1.0, "{}", of.apart(1, 0, 1));
+    }
+
+    #[test]
+    fn a_known_value_takes_what_its_tolerance_lets_it_and_a_name_the_rest() {
+        let column = noise(1);
+        let rest: Vec<f64> = noise(2).iter().map(|x| 0.01 * x).collect();
+        let columns = [column.clone()];
+        let best = |deviations: f64| {
+            let gap_nm = sum(&rest, &column, deviations);
+            let spans = [span(0..ROWS, 0.0)];
+            let of = evidence(&gap_nm, &spans, &[item(0, &columns)], &columns);
+            of.best(|_| true)[0].names
+        };
+        // half of two deviations' square is less than a name costs, of four it is more
+        assert_eq!(best(2.0), 0);
+        assert_eq!(best(4.0), 1);
+    }
 }

@@ -338,8 +338,8 @@ impl Called for Laws<'_> {
 /// Whether a fit is one that a joint can have: every value within its limits, and friction that brakes at every speed; each by
 /// two standard errors.
 pub fn is_possible(
-fit: &Fit,
-law_of: impl Fn(usize) -> Law,
+    fit: &Fit,
+    law_of: impl Fn(usize) -> Law,
     limits: impl Fn(Law) -> [f64; 2],
     nominal_friction_nm: impl Fn(f64) -> f64,
     speed_rad_s: f64,

@@ -144,7 +144,8 @@ impl Found<'_> {
         let (effects, minor_effects): (Vec<_>, Vec<_>) =
             effects.into_iter().partition(|(item, effect)| {
                 // what few joints have must take a part of the gap for certain
-                effect.share >= self.materiality && (self.called.is_usual(*item) || effect.share_low > 0.0)
+                effect.share >= self.materiality
+                    && (self.called.is_usual(*item) || effect.share_low > 0.0)
             });
         let [mut effects, minor_effects] = [effects, minor_effects].map(|named| {
             let named = named.into_iter();
@@ -252,9 +253,7 @@ impl Found<'_> {
             let kind = self.called.kind(*item);
             let with = self.sets.iter().zip(weights).filter(|(set, _)| {
                 let players = self.players(set);
-                players
-                    .iter()
-                    .any(|k| self.called.kind(*k) == kind)
+                players.iter().any(|k| self.called.kind(*k) == kind)
             });
             let named = NamedEffect {
                 effect: effect.name().to_owned(),
@@ -272,12 +271,7 @@ impl Found<'_> {
     }
 
     /// What the largest part of the gap is: each set says its largest share.
-    fn candidates(
-        &self,
-        weights: &[f64],
-        of_best: &Shares,
-        is_quiet: bool,
-    ) -> Vec<Candidate> {
+    fn candidates(&self, weights: &[f64], of_best: &Shares, is_quiet: bool) -> Vec<Candidate> {
         let mut by_name: BTreeMap<&'static str, f64> = BTreeMap::new();
         for (rank, (set, weight)) in self.sets.iter().zip(weights).enumerate() {
             if *weight < WEIGHT_MIN && rank > 0 {
@@ -347,29 +341,44 @@ impl Found<'_> {
             }
         }
         for gone in self.players(best) {
-            let held = self.players(best);
-            let kinds: Vec<usize> = held.iter().map(|item| self.called.kind(*item)).collect();
-            for come in 0..self.called.items() {
-                if kinds.contains(&self.called.kind(come)) {
-                    continue;
+            // what takes its place may itself be one of several
+            let mut truth = vec![(best.names, gone)];
+            truth.extend(self.in_place_of(best.names, gone).map(|(come, _)| {
+                let names = best.names & !(1 << gone) | 1 << come;
+                (names, come)
+            }));
+            for (names, own) in truth {
+                for (come, apart) in self.in_place_of(names, own) {
+                    let pair = [self.name_in(names, own), self.name_in(names, come)];
+                    if pair[0] == pair[1] {
+                        continue;
+                    }
+                    if pairs.iter().any(|known| {
+                        pair.iter()
+                            .all(|name| known.effects.iter().any(|own| own == name))
+                    }) {
+                        continue;
+                    }
+                    pairs.push(Confusable {
+                        effects: pair.map(str::to_owned),
+                        distance: 2.0 * apart,
+                        reason: "one takes the other's place on this motion, whichever is there"
+                            .to_owned(),
+                    });
                 }
-                let apart = self.evidence.apart(best.names, gone, come);
-                let one = self.name_in(best.names, gone);
-                let other = self.name_in(best.names, come);
-                let is_known = pairs
-                    .iter()
-                    .any(|pair| pair.effects[0] == one && pair.effects[1] == other);
-                if apart > ALIKE || one == other || is_known {
-                    continue;
-                }
-                pairs.push(Confusable {
-                    effects: [one.to_owned(), other.to_owned()],
-                    distance: 2.0 * apart,
-                    reason: "one takes the other's place on this motion, whichever is there".to_owned(),
-                });
             }
         }
         pairs
+    }
+
+    /// Items that would take one's place in a set, with the nats by which they would be behind if it were the truth.
+    fn in_place_of(&self, names: Names, gone: usize) -> impl Iterator<Item = (usize, f64)> {
+        let held = (0..self.called.items()).filter(move |item| names & 1 << item != 0);
+        let kinds: Vec<usize> = held.map(|item| self.called.kind(item)).collect();
+        (0..self.called.items())
+            .filter(move |come| !kinds.contains(&self.called.kind(*come)))
+            .map(move |come| (come, self.evidence.apart(names, gone, come)))
+            .filter(|(_, apart)| *apart <= ALIKE)
     }
 
     fn gap(&self, best: &Scored, shares: &Shares, gap_nm: &[f64]) -> Gap {
@@ -395,12 +404,7 @@ impl Found<'_> {
         }
     }
 
-    fn place(
-        &self,
-        effects: &[NamedEffect],
-        gap_nm: &[f64],
-        remaining: &[RemainsOver],
-    ) -> Where {
+    fn place(&self, effects: &[NamedEffect], gap_nm: &[f64], remaining: &[RemainsOver]) -> Where {
         let mut stages: BTreeMap<Stage, f64> = BTreeMap::new();
         for effect in effects {
             *stages.entry(Stage::of(&effect.effect)).or_default() += effect.share.max(0.0);
