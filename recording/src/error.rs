@@ -23,12 +23,16 @@ pub enum ReadProblem {
     Io(#[from] io::Error),
     /// None of the formats.
     #[error(
-        "is neither an MCAP recording nor a Parquet, SQLite or .npz file nor named as a CSV log is (.csv, .tsv, .txt){seems}"
+        "is neither an MCAP recording nor a ROS 1 bag, a Parquet, SQLite, .npz, MATLAB or HDF5 file, nor named as a CSV log is \
+         (.csv, .tsv, .txt, .dat){seems}"
     )]
     UnknownFormat {
         /// What it looks like, and what to do.
         seems: &'static str,
     },
+    /// A file that Git did not fetch.
+    #[error("is a pointer of Git LFS, not the file itself; fetch that with `git lfs pull`")]
+    LfsPointer,
     /// A folder of something else.
     #[error(
         "is a folder, but holds neither the .mcap or .db3 files of a rosbag2 nor the meta/info.json of a LeRobot dataset"
@@ -51,6 +55,19 @@ pub enum ReadProblem {
     /// A NumPy file that cannot be read.
     #[error("is an .npz file that cannot be read: {}", one_line(.0))]
     Npz(String),
+    /// A MATLAB file that cannot be read.
+    #[error(
+        "is a MATLAB file that cannot be read: {}; it was damaged, so save it again",
+        one_line(.0)
+    )]
+    Mat(String),
+    /// An HDF5 file that cannot be read.
+    #[error(
+        "is an HDF5 file (a .mat of version 7.3 is one too) that cannot be read: {}; if it is whole, \
+         `h5repack -f GZIP=1 OLD NEW`, or MATLAB's `save` with '-v7', writes one that can",
+        one_line(.0)
+    )]
+    Hdf5(String),
     /// Arrays whose columns belong to joints without names.
     #[error(
         "`{}` has {columns} columns, one for each joint, and {names} names of joints are told; write the names into {}, in this \

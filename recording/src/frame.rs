@@ -85,6 +85,11 @@ pub(crate) struct Array {
 }
 
 impl Array {
+    /// How many in each column.
+    pub(crate) fn rows(&self) -> usize {
+        self.columns.first().map_or(0, Values::len)
+    }
+
     /// How many in all columns.
     pub(crate) fn values(&self) -> usize {
         self.columns.iter().map(Values::len).sum()

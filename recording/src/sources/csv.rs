@@ -20,7 +20,7 @@ pub(crate) struct Csv;
 
 impl Source for Csv {
     fn matches(&self, log: &Log<'_>) -> bool {
-        matches!(log.extension.as_str(), "csv" | "tsv" | "txt")
+        matches!(log.extension.as_str(), "csv" | "tsv" | "txt" | "dat")
     }
 
     fn frame(&self, path: &Path, _: &Mapping) -> Result<Frame, ReadProblem> {
