@@ -282,6 +282,72 @@ fn a_decimated_recording_of_several_trajectories_is_followed_one_by_one() {
 }
 
 #[test]
+fn what_a_log_holds_is_guessed_where_that_is_certain_and_asked_for_where_it_is_not() {
+    let bench = Bench::new("guessed");
+    let mut log = "time;joint1_pos;joint1_motor_torque\nms;deg;Nm\n".to_owned();
+    let mut doubtful = "t q tau\n".to_owned();
+    for row in 0..1500_u32 {
+        let time_s = f64::from(row) * 0.002;
+        let angle = 30.0 * (6.0 * time_s + (17.0 * time_s).sin()).sin();
+        log += &format!("{};{angle};0.1\n", 2 * row);
+        doubtful += &format!("{time_s} {} 3.5\n", angle.to_radians());
+    }
+    fs::write(bench.file("log.csv"), log).expect("written");
+    fs::write(bench.file("doubtful.csv"), doubtful).expect("written");
+    let import = ["import", "log.csv", "--robot", "shd17", "--out", "log.mcap"];
+    let line = "log.csv: guessed: joint1: motor_torque_nm is `joint1_motor_torque [Nm]`, \
+                link_position_rad is 0.017453 × `joint1_pos [deg]`\n";
+    assert!(succeeds(&bench, &import).starts_with(line));
+    let imported = read(&bench.file("log.mcap")).expect("a recording");
+    assert!(imported.metadata["columns_guessed"].starts_with("joint1: motor_torque_nm"));
+    let farthest = imported
+        .signal("joint1", Signal::LinkPositionRad)
+        .expect("positions");
+    assert!(
+        farthest
+            .iter()
+            .all(|angle| angle.abs() <= 30_f64.to_radians())
+    );
+
+    let diagnosed = output(bench.flexspline().args([
+        "gap",
+        "diagnose",
+        "--robot",
+        "shd17",
+        "--recording",
+        "log.csv",
+    ]));
+    assert!(text(&diagnosed).contains(line), "{}", text(&diagnosed));
+    let asked = [
+        "`tau`",
+        "doubtful",
+        "`flexspline recording map doubtful.csv --robot shd17`",
+    ];
+    refused(
+        &bench,
+        &[
+            "import",
+            "doubtful.csv",
+            "--robot",
+            "shd17",
+            "--out",
+            "d.mcap",
+        ],
+        &asked,
+    );
+    let diagnosed = output(bench.flexspline().args([
+        "gap",
+        "diagnose",
+        "--robot",
+        "shd17",
+        "--recording",
+        "doubtful.csv",
+    ]));
+    assert_eq!(diagnosed.status.code(), Some(2));
+    assert!(text(&diagnosed).contains(asked[2]), "{}", text(&diagnosed));
+}
+
+#[test]
 fn bad_input_is_one_line_and_exit_code_two() {
     let bench = Bench::new("rec-bad");
     run(&bench, &[]);

@@ -260,6 +260,14 @@ pub enum ReadProblem {
         /// What the header line holds.
         columns: Vec<String>,
     },
+    /// A guess that somebody must look at.
+    #[error("what is in {} is doubtful (`{}`: {})", list(.columns), one_line(.columns.first().map_or("", String::as_str)), one_line(why))]
+    Doubtful {
+        /// The doubtful ones.
+        columns: Vec<String>,
+        /// Of the first.
+        why: String,
+    },
     /// A mapped column is not there.
     #[error("has no column `{}`, which `{}` in the mapping file asks for{}", one_line(column), one_line(key), did_you_mean(.nearest))]
     NoColumn {

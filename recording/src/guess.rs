@@ -5,10 +5,11 @@
 
 use crate::clock::time_column;
 use crate::columns::{Known, TIME, joint_and_signal};
+use crate::error::one_line;
 use crate::frame::{Column, Frame, Values};
 use crate::mapping::Mapping;
 use crate::names::{Meaning, Quantity, meaning};
-use crate::{ReadError, Signal, sources};
+use crate::{ReadError, ReadProblem, Signal, sources};
 use std::f64::consts::PI;
 use std::fmt::{self, Write};
 use std::path::Path;
@@ -69,11 +70,16 @@ pub fn guess(path: &Path, joints: &[GuessJoint]) -> Result<Guess, ReadError> {
         path: path.to_owned(),
         problem,
     })?;
-    Ok(Guesser { frame, joints }.guess())
+    Ok(guess_frame(&frame, joints))
+}
+
+/// Guesses what the columns of a log hold that was read.
+pub(crate) fn guess_frame(frame: &Frame, joints: &[GuessJoint]) -> Guess {
+    Guesser { frame, joints }.guess()
 }
 
 struct Guesser<'a> {
-    frame: Frame,
+    frame: &'a Frame,
     joints: &'a [GuessJoint],
 }
 
@@ -172,6 +178,11 @@ impl Guesser<'_> {
         if by_number {
             sure = Sure::Likely;
             why.push("joints by their number".to_owned());
+            let columns = self.frame.width_of(index);
+            if columns.is_some_and(|columns| columns != self.joints.len()) {
+                sure = Sure::Doubtful;
+                why.push("of which it has others than the robot".to_owned());
+            }
         }
         if let Some(unit) = unit {
             sure = sure.min(Sure::Likely);
@@ -207,14 +218,15 @@ impl Guesser<'_> {
             text[start..].parse().ok()
         };
         let number = digits(&name)?;
-        // The robot's own numbers go before counting, which begins at 0 where a column has that number.
-        let numbered = self
-            .joints
-            .iter()
-            .find(|joint| digits(&joint.name) == Some(number));
         let from_zero = self.frame.columns.iter().any(|column| {
             meaning(&column.name).is_some_and(|meaning| digits(&meaning.rest.concat()) == Some(0))
         });
+        let of_joint = |number| {
+            let mut joints = self.joints.iter();
+            joints.find(|joint| digits(&joint.name) == Some(number))
+        };
+        // The robot's own numbers go before counting, where both begin at 0 or neither does.
+        let numbered = of_joint(number).filter(|_| from_zero == of_joint(0).is_some());
         let counted = || {
             self.joints
                 .get(number.checked_sub(usize::from(!from_zero))?)
@@ -385,6 +397,53 @@ fn slope(time_s: &[f64], position: &[f64], velocity: &[f64]) -> Option<f64> {
 }
 
 impl Guess {
+    /// What custom alone tells, so that somebody must look at it.
+    pub fn doubtful(&self) -> impl Iterator<Item = &GuessedColumn> {
+        let doubtful = |found: &&GuessedColumn| found.sure == Sure::Doubtful;
+        self.columns.iter().filter(doubtful)
+    }
+
+    /// What it says, as a mapping file at that path would.
+    ///
+    /// # Errors
+    /// Names what is doubtful.
+    pub(crate) fn mapping(&self, mapping_path: &Path) -> Result<Mapping, ReadProblem> {
+        let doubtful: Vec<String> = self.doubtful().map(|found| found.column.clone()).collect();
+        if let Some(first) = self.doubtful().next() {
+            let why = first.why.clone();
+            return Err(ReadProblem::Doubtful {
+                columns: doubtful,
+                why,
+            });
+        }
+        let mapping = Mapping::parse(&self.to_toml());
+        mapping.map_err(|problem| ReadProblem::Mapping {
+            mapping: mapping_path.to_owned(),
+            problem,
+        })
+    }
+
+    /// One line for each joint that something was found of.
+    #[must_use]
+    pub fn lines(&self) -> Vec<String> {
+        let mut lines: Vec<(&str, String)> = Vec::new();
+        for found in &self.columns {
+            let column = one_line(&found.column);
+            let told = match found.scale {
+                1.0 => format!("{} is `{column}`", found.signal),
+                scale => format!("{} is {scale:.6} × `{column}`", found.signal),
+            };
+            match lines.last_mut().filter(|(joint, _)| *joint == found.joint) {
+                Some((_, line)) => *line += &format!(", {told}"),
+                None => lines.push((&found.joint, told)),
+            }
+        }
+        let lines = lines.into_iter();
+        lines
+            .map(|(joint, told)| format!("{joint}: {told}"))
+            .collect()
+    }
+
     /// The mapping file that says the same.
     #[must_use]
     pub fn to_toml(&self) -> String {

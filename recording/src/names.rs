@@ -2,6 +2,8 @@
 //! in which unit.
 
 use crate::Signal;
+use crate::clock::time_column;
+use crate::columns::{TIME, joint_and_signal};
 use std::f64::consts::PI;
 
 /// What kind of value a name is of.
@@ -80,6 +82,7 @@ const FILLERS: &[&str] = &[
     "actual",
     "act",
     "observation",
+    "observations",
     "obs",
     "s",
     "data",
@@ -103,6 +106,62 @@ const UNITS: &[(&str, Quantity, f64)] = &[
     ("degc", Quantity::Temperature, 1.0),
     ("c", Quantity::Temperature, 1.0),
 ];
+
+/// Units of other things than joints, and of times.
+const OTHER_UNITS: &[&str] = &[
+    "s", "sec", "seconds", "ms", "us", "µs", "ns", "min", "h", "hz", "khz", "m", "mm", "cm", "n",
+    "kn", "v", "mv", "w", "kg", "g", "k", "bool", "int", "1", "2",
+];
+/// How units are written, and the words that are known for them.
+const SPELLINGS: &[(&str, &str)] = &[
+    ("°C", "degC"),
+    ("°", "deg"),
+    ("º", "deg"),
+    ("rev/min", "rpm"),
+    ("U/min", "rpm"),
+    ("1/min", "rpm"),
+    ("N·m", "Nm"),
+    ("N⋅m", "Nm"),
+    ("N*m", "Nm"),
+    ("N.m", "Nm"),
+    ("N-m", "Nm"),
+];
+
+/// Whether these are the units of columns: known ones, or nothing.
+pub(crate) fn are_units(fields: &[String]) -> bool {
+    let is_known = |word: &String| {
+        UNITS.iter().any(|(unit, _, _)| unit == word) || OTHER_UNITS.contains(&&**word)
+    };
+    let nothing = |field: &str| matches!(field.trim_matches(['[', ']', '(', ')']), "" | "-" | "%");
+    let is_unit = |field: &String| {
+        let words = words(&spelled(field));
+        field.parse::<f64>().is_err() && !words.is_empty() && words.iter().all(is_known)
+    };
+    fields.iter().any(is_unit) && fields.iter().all(|field| nothing(field) || is_unit(field))
+}
+
+/// A name with the units in it written as they are known.
+fn spelled(name: &str) -> String {
+    let mut name = name.to_owned();
+    for (written, known) in SPELLINGS {
+        name = name.replace(written, known);
+    }
+    name
+}
+
+/// The name of a column and the unit that another line tells of it, unless the name tells it already.
+pub(crate) fn with_unit(name: String, unit: &str) -> String {
+    let unit = unit.trim_matches(['[', ']', '(', ')']).trim();
+    let is_told = name == TIME
+        || joint_and_signal(&name).is_some()
+        || time_column(&name).flatten().is_some()
+        || meaning(&name).is_some_and(|meaning| meaning.scale.is_some());
+    match unit {
+        "" | "-" => name,
+        _ if is_told => name,
+        unit => format!("{name} [{unit}]"),
+    }
+}
 
 /// The words of a name, in small letters: parted by marks, by capitals and before a number at the end.
 fn words(name: &str) -> Vec<String> {
@@ -132,7 +191,7 @@ fn words(name: &str) -> Vec<String> {
 pub(crate) fn meaning(name: &str) -> Option<Meaning> {
     let (mut quantity, mut is_reference, mut is_motor, mut unit) = (None, false, None, None);
     let mut rest = Vec::new();
-    for word in words(name) {
+    for word in words(&spelled(name)) {
         let letters = word.trim_end_matches(|c: char| c.is_ascii_digit());
         let number = &word[letters.len()..];
         let is = |known: &[&str]| known.contains(&letters);
@@ -256,6 +315,28 @@ mod tests {
             (Quantity::Velocity, Some(PI / 30.0))
         );
         assert_eq!(meaning("wrist_current_mA").unwrap().scale, Some(1e-3));
+        for (name, scale) in [
+            ("q [°]", PI / 180.0),
+            ("speed (1/min)", PI / 30.0),
+            ("tau [N·m]", 1.0),
+        ] {
+            let told = meaning(name).unwrap();
+            assert_eq!((told.scale, told.rest), (Some(scale), vec![]), "{name}");
+        }
         assert_eq!(meaning("comment"), None);
+    }
+
+    #[test]
+    fn a_unit_from_another_line_is_added_where_the_name_tells_none() {
+        for (name, unit, expected) in [
+            ("q1", "[deg]", "q1 [deg]"),
+            ("t", "ms", "t [ms]"),
+            ("time_s", "s", "time_s"),
+            ("elbow.motor_torque_nm", "mNm", "elbow.motor_torque_nm"),
+            ("q1_rad", "deg", "q1_rad"),
+            ("mode", "-", "mode"),
+        ] {
+            assert_eq!(with_unit(name.to_owned(), unit), expected);
+        }
     }
 }

@@ -143,7 +143,7 @@ fn pendulum(header: &str, separator: &str, mark: &str, clock: impl Fn(u32) -> St
 fn the_same_rows_are_the_same_recording_however_they_are_written() {
     let plain = Log::new(pendulum("time_s", ",", ".", |ms| format!("0.{ms:03}"))).read();
     assert_eq!(plain.time_s, [0.0, 0.002, 0.004]);
-    let since_start: [(&str, String); 7] = [
+    let since_start: [(&str, String); 9] = [
         (
             "a German spreadsheet",
             pendulum("time_s", ";", ",", |ms| format!("0.{ms:03}")),
@@ -169,6 +169,15 @@ fn the_same_rows_are_the_same_recording_however_they_are_written() {
             "\u{feff}# robot 3\r\n% calibrated\r\n".to_owned()
                 + &pendulum("time_s", ",", ".", |ms| format!("0.{ms:03}"))
                     .replace('\n', "\r\n# and\r\n"),
+        ),
+        (
+            "spaces, so that numbers stand below each other",
+            pendulum("time_s", "   ", ".", |ms| format!("0.{ms:03}"))
+                .replace("0.5   \n", "0.5   nan\n"),
+        ),
+        (
+            "a line of units",
+            pendulum("time", ",", ".", |ms| ms.to_string()).replacen('\n', "\nms,rad,Nm\n", 1),
         ),
         (
             "names in a comment",

@@ -1,7 +1,9 @@
 //! What the columns of a foreign log are taken for.
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use recording::{Guess, GuessJoint, Signal, Sure, guess, mapping_beside, read};
+use recording::{
+    Guess, GuessJoint, ReadProblem, Signal, Sure, guess, mapping_beside, read, read_guessing,
+};
 use std::f64::consts::PI;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -26,12 +28,16 @@ impl Log {
     }
 
     fn guess(&self, joints: &[(&str, f64)]) -> Guess {
-        let joint = |(name, gear_ratio): &(&str, f64)| GuessJoint {
-            name: (*name).to_owned(),
-            gear_ratio: *gear_ratio,
-        };
-        guess(&self.path(), &joints.iter().map(joint).collect::<Vec<_>>()).unwrap()
+        guess(&self.path(), &guess_joints(joints)).unwrap()
     }
+}
+
+fn guess_joints(joints: &[(&str, f64)]) -> Vec<GuessJoint> {
+    let joint = |(name, gear_ratio): &(&str, f64)| GuessJoint {
+        name: (*name).to_owned(),
+        gear_ratio: *gear_ratio,
+    };
+    joints.iter().map(joint).collect()
 }
 
 fn swing(time_s: f64) -> (f64, f64) {
@@ -134,4 +140,78 @@ fn joints_are_counted_from_the_least_number() {
     }
     let guess = Log::new("q0,elbow_pos", row).guess(&joints);
     assert_eq!(told(&guess, "elbow_pos").3, Sure::Likely);
+}
+
+#[test]
+fn columns_from_zero_are_the_joints_from_one_on() {
+    let log = Log::new("q0,q1", |time_s| vec![swing(time_s).0, 0.5]);
+    let guess = log.guess(&[("joint1", 1.0), ("joint2", 1.0)]);
+    let of: Vec<&str> = guess.columns.iter().map(|found| &*found.joint).collect();
+    assert_eq!(of, ["joint1", "joint2"]);
+}
+
+#[test]
+fn what_is_certain_enough_is_read_without_a_mapping_and_said() {
+    let log = Log::new("elbow_pos_deg,elbow_motor_torque", |time_s| {
+        vec![20.0 * swing(time_s).0, 1.5]
+    });
+    let joints = guess_joints(&[("elbow", 100.0)]);
+    let (recording, guess) = read_guessing(&log.path(), &joints).unwrap();
+    let line = "elbow: motor_torque_nm is `elbow_motor_torque`, link_position_rad is 0.017453 × `elbow_pos_deg`";
+    assert_eq!(guess.unwrap().lines(), [line]);
+    assert_eq!(recording.metadata["columns_guessed"], line);
+    assert_eq!(
+        recording.signal("elbow", Signal::MotorTorqueNm).unwrap()[9],
+        1.5
+    );
+    // A mapping file goes before any guess.
+    let mapping = "[joint.elbow]\nmotor_position_rad = 'elbow_pos_deg'";
+    std::fs::write(mapping_beside(&log.path()), mapping).unwrap();
+    let (recording, guess) = read_guessing(&log.path(), &joints).unwrap();
+    assert!(guess.is_none());
+    assert!(recording.signal("elbow", Signal::MotorPositionRad).is_ok());
+}
+
+#[test]
+fn what_is_doubtful_or_told_already_is_not_guessed() {
+    let joints = guess_joints(&[("elbow", 100.0)]);
+    let log = Log::new("q,tau", |time_s| vec![swing(time_s).0, 70.0]);
+    let problem = read_guessing(&log.path(), &joints).unwrap_err().problem;
+    assert!(matches!(&problem, ReadProblem::Doubtful { columns, .. } if columns == &["tau"]));
+    assert!(
+        problem
+            .to_string()
+            .starts_with("what is in `tau` is doubtful (`tau`: by its name;")
+    );
+    let log = Log::new("elbow.link_position_rad,tau", |time_s| {
+        vec![swing(time_s).0, 70.0]
+    });
+    let (recording, guess) = read_guessing(&log.path(), &joints).unwrap();
+    assert!(guess.is_none() && recording.signal("elbow", Signal::LinkPositionRad).is_ok());
+    let log = Log::new("wind", |_| vec![1.0]);
+    let problem = read_guessing(&log.path(), &joints).unwrap_err().problem;
+    assert!(
+        matches!(problem, ReadProblem::NoSignals { .. }),
+        "{problem}"
+    );
+}
+
+#[test]
+fn a_line_of_units_is_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.csv");
+    let mut text = "t q1 motor_torque1\n[ms] [°] [N·m]\n".to_owned();
+    for row in 0..500 {
+        let angle = 20.0 * swing(f64::from(row) * 0.002).0;
+        writeln!(text, "{:6} {angle:9.4}  2.5", 2 * row).unwrap();
+    }
+    std::fs::write(&path, text).unwrap();
+    let (recording, _) = read_guessing(&path, &guess_joints(&[("elbow", 1.0)])).unwrap();
+    assert_eq!(recording.time_s[1], 0.002);
+    let angle = recording.signal("elbow", Signal::LinkPositionRad).unwrap()[100];
+    assert!((angle - (20.0 * swing(0.2).0).to_radians()).abs() < 1e-5);
+    assert_eq!(
+        recording.signal("elbow", Signal::MotorTorqueNm).unwrap()[1],
+        2.5
+    );
 }

@@ -17,8 +17,8 @@ mod sqlite;
 mod unpacked;
 
 use crate::frame::Frame;
-use crate::mapping::{Mapping, MappingFile};
-use crate::{ReadProblem, Recording};
+use crate::mapping::{Mapping, MappingFile, mapping_beside};
+use crate::{Guess, GuessJoint, ReadProblem, Recording};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -44,6 +44,19 @@ pub(crate) trait Source: Sync {
         let (mapping, mapping_path) = mapping.load()?;
         self.frame(path, &mapping)?
             .into_table(&mapping, &mapping_path)
+    }
+
+    /// The table of a log without a mapping file, with a guess of what its columns hold where nothing tells it.
+    ///
+    /// # Errors
+    /// What keeps it from being read, or what is doubtful.
+    fn read_guessing(
+        &self,
+        path: &Path,
+        joints: &[GuessJoint],
+    ) -> Result<(Recording, Option<Guess>), ReadProblem> {
+        let frame = self.frame(path, &Mapping::default())?;
+        frame.into_guessed_table(&mapping_beside(path), joints)
     }
 }
 
@@ -145,7 +158,9 @@ fn seems(log: &Log<'_>) -> &'static str {
              `to_parquet`"
         }
         "mat" => "; if MATLAB reads it, it is of version 4, so save it again with '-v7'",
-        "yaml" | "yml" => "; it is a YAML file; of a rosbag2 give the folder, or its .mcap or .db3 file",
+        "yaml" | "yml" => {
+            "; it is a YAML file; of a rosbag2 give the folder, or its .mcap or .db3 file"
+        }
         "toml" => "; it is a TOML file, as robots and mappings are",
         "urdf" | "xacro" | "xml" | "sdf" => "; it is a model of a robot, which --robot takes",
         _ if matches!(text.first(), Some(b'{' | b'[')) => {
@@ -175,9 +190,21 @@ mod tests {
             ("log.json", b" {\"q\": 1}", "JSON"),
             ("log.pkl", b"\x80\x04\x95", "pickle"),
             ("log", b"t q\n0 1\n", "name it .csv"),
-            ("log.bag", b"version https://git-lfs.github.com/spec/v1\n", "git lfs pull"),
-            ("log.csv", b"version https://git-lfs.github.com/spec/v1\n", "git lfs pull"),
-            ("metadata.yaml", b"rosbag2_bagfile_information:\n", "give the folder"),
+            (
+                "log.bag",
+                b"version https://git-lfs.github.com/spec/v1\n",
+                "git lfs pull",
+            ),
+            (
+                "log.csv",
+                b"version https://git-lfs.github.com/spec/v1\n",
+                "git lfs pull",
+            ),
+            (
+                "metadata.yaml",
+                b"rosbag2_bagfile_information:\n",
+                "give the folder",
+            ),
             ("noise", b"\x00\x01\x02", "(.csv, .tsv, .txt, .dat)"),
         ] {
             let path = folder.path().join(name);
