@@ -309,14 +309,13 @@ fn what_a_log_holds_is_guessed_where_that_is_certain_and_asked_for_where_it_is_n
             .all(|angle| angle.abs() <= 30_f64.to_radians())
     );
 
-    let diagnosed = output(bench.flexspline().args([
-        "gap",
-        "diagnose",
-        "--robot",
-        "shd17",
-        "--recording",
-        "log.csv",
-    ]));
+    let diagnose = |log: &str| {
+        let mut command = bench.flexspline();
+        let robot = ["gap", "diagnose", "--robot", "shd17", "--recording"];
+        command.args(robot).arg(log);
+        output(command)
+    };
+    let diagnosed = diagnose("log.csv");
     assert!(text(&diagnosed).contains(line), "{}", text(&diagnosed));
     let asked = [
         "`tau`",
@@ -335,14 +334,7 @@ fn what_a_log_holds_is_guessed_where_that_is_certain_and_asked_for_where_it_is_n
         ],
         &asked,
     );
-    let diagnosed = output(bench.flexspline().args([
-        "gap",
-        "diagnose",
-        "--robot",
-        "shd17",
-        "--recording",
-        "doubtful.csv",
-    ]));
+    let diagnosed = diagnose("doubtful.csv");
     assert_eq!(diagnosed.status.code(), Some(2));
     assert!(text(&diagnosed).contains(asked[2]), "{}", text(&diagnosed));
 }
