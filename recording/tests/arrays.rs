@@ -164,6 +164,14 @@ fn arrays_that_do_not_fit_are_refused_in_words() {
             .refusal(&folder.write("bomb.npz", bomb))
             .contains("at most")
     );
+    let head = [
+        b"\x93NUMPY\x02\0",
+        &(1_u32 << 31).to_le_bytes()[..],
+        &[b' '; 1 << 20],
+    ]
+    .concat();
+    let refusal = folder.refusal(&folder.write("head.npz", npz(&[("q", head)])));
+    assert!(refusal.contains("description"), "{refusal}");
 }
 
 /// A dataset's episodes: `timestamp`, `episode_index` and lists of `state` and `action`; the parser of schemas takes no names with a point.

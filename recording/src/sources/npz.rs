@@ -60,6 +60,7 @@ fn read_array(
     values_left: usize,
 ) -> Result<Option<Array>, ReadProblem> {
     let wrong = |error: std::io::Error| ReadProblem::Npz(format!("array `{name}`: {error}"));
+    let file = with_short_head(file).map_err(wrong)?;
     let npy = NpyFile::new(file).map_err(wrong)?;
     let header = npy.header();
     let by_columns = header.order() == Order::Fortran;
@@ -74,6 +75,27 @@ fn read_array(
         return Err(ReadProblem::Npz(what));
     }
     Ok(Some(shape.table(name.to_owned(), &values)))
+}
+
+/// The same file, if the text that describes its array is as short as one is: the parser reserves what its length says, and
+/// packed zeros may go on for gigabytes.
+fn with_short_head(mut file: impl Read) -> std::io::Result<impl Read> {
+    // Magic bytes, version, and the length in two bytes or, from version 2 on, in four.
+    const LENGTH_AT: usize = 8;
+    const HEAD_BYTES_MAX: u32 = 1 << 16;
+    let mut start = Vec::new();
+    (&mut file)
+        .take(LENGTH_AT as u64 + 4)
+        .read_to_end(&mut start)?;
+    if let (Some(2..), Some(length)) = (
+        start.get(6),
+        start[LENGTH_AT.min(start.len())..].first_chunk(),
+    ) && u32::from_le_bytes(*length) > HEAD_BYTES_MAX
+    {
+        let text = "its description is longer than 65536 bytes";
+        return Err(std::io::Error::other(text));
+    }
+    Ok(std::io::Cursor::new(start).chain(file))
 }
 
 /// An array's numbers one after the other; `None` of other kinds.
