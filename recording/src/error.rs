@@ -247,8 +247,16 @@ pub enum ReadProblem {
     #[error("is empty; its first line must name the columns")]
     NoHeader,
     /// A log without column names.
-    #[error("begins with numbers; its first line must name the columns")]
-    HeaderOfNumbers,
+    #[error(
+        "begins with numbers, so its {columns} columns are called `1` to `{columns}`; say in {} which is which, or name them in \
+         the first line", mapping.display()
+    )]
+    HeaderOfNumbers {
+        /// How many.
+        columns: usize,
+        /// The mapping file that could say.
+        mapping: PathBuf,
+    },
     /// No column is a signal.
     #[error(
         "no column is named JOINT.SIGNAL, and {} does not say which column is which signal; its columns are {}",

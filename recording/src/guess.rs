@@ -8,7 +8,7 @@ use crate::columns::{Known, TIME, joint_and_signal};
 use crate::error::one_line;
 use crate::frame::{Column, Frame, Values};
 use crate::mapping::Mapping;
-use crate::names::{Meaning, Quantity, meaning};
+use crate::names::{Meaning, Quantity, is_numbered_joint, meaning, without_joint};
 use crate::{ReadError, ReadProblem, Signal, sources};
 use std::f64::consts::PI;
 use std::fmt::{self, Write};
@@ -160,30 +160,20 @@ impl Guesser<'_> {
                 .ok_or("the robot has no such joint")?;
             let (scale, unit) =
                 meaning(&column.name).map_or((1.0, None), |meaning| unit(&meaning, column));
-            let why = format!(
-                "the dataset says it{}",
-                unit.map_or(String::new(), |unit| format!("; {unit}"))
-            );
-            let (signal, to_motor, sure, why) = of_the_motor(signal, joint, Sure::Likely, &why);
+            let (sure, why) = match unit {
+                None => (Sure::Likely, "the dataset says it".to_owned()),
+                // What LeRobot does unless it is told to use degrees.
+                Some(unit) => (
+                    Sure::Doubtful,
+                    format!("the dataset says it; {unit}, or hundredths of a calibrated range"),
+                ),
+            };
+            let (signal, to_motor, sure, why) = of_the_motor(signal, joint, sure, &why);
             return Ok(found(joint, signal, scale * to_motor, sure, why));
         }
-        let meaning = meaning(&column.name).ok_or("its name says nothing that is known")?;
-        let (joint, by_number) = self
-            .joint_of(&meaning.rest)
-            .ok_or("its name is of no joint of the robot")?;
+        let (joint, meaning, mut sure, mut why) = self.by_name(index, &column.name)?;
         let (signal, side_is_supposed) = meaning.signal();
         let (scale, unit) = unit(&meaning, column);
-        let mut why = vec!["by its name".to_owned()];
-        let mut sure = Sure::Certain;
-        if by_number {
-            sure = Sure::Likely;
-            why.push("joints by their number".to_owned());
-            let columns = self.frame.width_of(index);
-            if columns.is_some_and(|columns| columns != self.joints.len()) {
-                sure = Sure::Doubtful;
-                why.push("of which it has others than the robot".to_owned());
-            }
-        }
         if let Some(unit) = unit {
             sure = sure.min(Sure::Likely);
             why.push(unit);
@@ -194,6 +184,55 @@ impl Guesser<'_> {
         }
         let (signal, to_motor, sure, why) = of_the_motor(signal, joint, sure, &why.join("; "));
         Ok(found(joint, signal, scale * to_motor, sure, why))
+    }
+
+    /// The joint that a column's name is of and what it says, how sure that is and why.
+    fn by_name(
+        &self,
+        index: usize,
+        name: &str,
+    ) -> Result<(&GuessJoint, Meaning, Sure, Vec<String>), String> {
+        let mut why = vec!["by its name".to_owned()];
+        // Names of joints have words in them that would say something else: `shoulder_joint`. The longest that fits counts.
+        let named = self.joints.iter().filter_map(|joint| {
+            let rest = without_joint(name, &joint.name)?;
+            Some((joint, rest))
+        });
+        let named = named.max_by_key(|(joint, _)| joint.name.len());
+        if let Some((joint, rest)) = &named
+            && let Some(found) = meaning(rest).filter(|found| found.rest.is_empty())
+        {
+            return Ok((joint, found, Sure::Certain, why));
+        }
+        let is_joint = named.as_ref().is_some_and(|(_, rest)| rest.is_empty());
+        let (mut sure, found) = match meaning(name) {
+            Some(found) => (Sure::Certain, found),
+            None if is_joint || is_numbered_joint(name) => {
+                why.push("a position, as it has a joint's name alone".to_owned());
+                let found = meaning(&format!("position {name}"));
+                (
+                    Sure::Doubtful,
+                    found.ok_or("its name says nothing that is known")?,
+                )
+            }
+            None => return Err("its name says nothing that is known".to_owned()),
+        };
+        if let Some((joint, _)) = named.filter(|_| is_joint) {
+            return Ok((joint, found, sure, why));
+        }
+        let (joint, by_number) = self
+            .joint_of(&found.rest)
+            .ok_or("its name is of no joint of the robot")?;
+        if by_number {
+            sure = sure.min(Sure::Likely);
+            why.push("joints by their number".to_owned());
+            let columns = self.frame.width_of(index);
+            if columns.is_some_and(|columns| columns != self.joints.len()) {
+                sure = Sure::Doubtful;
+                why.push("of which it has others than the robot".to_owned());
+            }
+        }
+        Ok((joint, found, sure, why))
     }
 
     fn joint_named(&self, name: &str) -> Option<&GuessJoint> {

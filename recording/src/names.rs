@@ -149,6 +149,23 @@ fn spelled(name: &str) -> String {
     name
 }
 
+/// What is left of a column's name without that joint's, if it is in there.
+pub(crate) fn without_joint(column: &str, joint: &str) -> Option<String> {
+    let (mut column, joint) = (words(&spelled(column)), words(joint));
+    let at = column
+        .windows(joint.len().max(1))
+        .position(|part| part == joint)?;
+    column.drain(at..at + joint.len());
+    Some(column.join("_"))
+}
+
+/// Whether a name is that of a joint and says nothing else: `joint_3`, `J1`, `Axis 2`.
+pub(crate) fn is_numbered_joint(name: &str) -> bool {
+    let name = words(name).concat();
+    let letters = name.trim_end_matches(|c: char| c.is_ascii_digit());
+    matches!(letters, "joint" | "j" | "axis") && letters.len() < name.len()
+}
+
 /// The name of a column and the unit that another line tells of it, unless the name tells it already.
 pub(crate) fn with_unit(name: String, unit: &str) -> String {
     let unit = unit.trim_matches(['[', ']', '(', ')']).trim();
@@ -163,8 +180,8 @@ pub(crate) fn with_unit(name: String, unit: &str) -> String {
     }
 }
 
-/// The words of a name, in small letters: parted by marks, by capitals and before a number at the end.
-fn words(name: &str) -> Vec<String> {
+/// The words of a name, in small letters: parted by marks and by capitals.
+pub(crate) fn words(name: &str) -> Vec<String> {
     let mut words: Vec<String> = vec![String::new()];
     let mut before = ' ';
     for c in name.chars() {

@@ -147,11 +147,11 @@ fn arrays_of_numpy_need_one_line() {
 fn arrays_that_do_not_fit_are_refused_in_words() {
     let folder = Folder::new();
     let short = npz(&[
-        ("time", npy("<f8", false, "2,", &doubles(&[0.0, 1.0]))),
-        ("q", npy("<f8", false, "3,", &doubles(&[0.0; 3]))),
+        ("time", npy("<f8", false, "20,", &doubles(&[0.0; 20]))),
+        ("q", npy("<f8", false, "21,", &doubles(&[0.0; 21]))),
     ]);
     let refusal = folder.refusal(&folder.write("short.npz", short));
-    assert_eq!(refusal, "`q` has 3 rows, but `time` 2; make them as long");
+    assert_eq!(refusal, "`q` has 21 rows, but `time` 20; make them as long");
     let cut = npz(&[("q", npy("<f8", false, "3,", &doubles(&[0.0; 2])))]);
     assert!(
         folder

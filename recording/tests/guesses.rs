@@ -215,3 +215,36 @@ fn a_line_of_units_is_used() {
         2.5
     );
 }
+
+#[test]
+fn joints_are_known_by_names_that_say_something_themselves() {
+    let row = |time_s| vec![swing(time_s).0, swing(time_s).1, 0.5];
+    let header = "- arm_1_joint_position,arm_1_joint_velocity,panda_joint10_effort";
+    let joints = [
+        ("arm_1_joint", 1.0),
+        ("panda_joint1", 1.0),
+        ("panda_joint10", 1.0),
+    ];
+    let guess = Log::new(header, row).guess(&joints);
+    let (joint, signal, _, _) = told(&guess, "- arm_1_joint_position");
+    assert_eq!((&*joint, signal), ("arm_1_joint", Signal::LinkPositionRad));
+    let (joint, signal, _, _) = told(&guess, "arm_1_joint_velocity");
+    assert_eq!((&*joint, signal), ("arm_1_joint", Signal::LinkVelocityRadS));
+    let (joint, signal, _, _) = told(&guess, "panda_joint10_effort");
+    assert_eq!((&*joint, signal), ("panda_joint10", Signal::JointTorqueNm));
+}
+
+#[test]
+fn a_joints_name_alone_is_its_position_by_custom_only() {
+    let row = |time_s| vec![swing(time_s).0, 0.5];
+    for header in ["shoulder,elbow", "joint_0,joint_1", "J1,J2"] {
+        let guess = Log::new(header, row).guess(&[("shoulder", 1.0), ("elbow", 1.0)]);
+        let elbow = &guess.columns[1];
+        assert_eq!(
+            (&*elbow.joint, elbow.signal),
+            ("elbow", Signal::LinkPositionRad),
+            "{header}"
+        );
+        assert_eq!(elbow.sure, Sure::Doubtful);
+    }
+}

@@ -162,10 +162,10 @@ fn structs_in_a_row_have_numbers_and_columns_that_do_not_fit_are_named() {
         refusal.contains("`run(1).q[0]`, `run(1).q[1]`, `run(2).q[0]`"),
         "{refusal}"
     );
-    let short = matrix("tau", 6, [2, 2], &[element(9, &[0; 32])]);
+    let short = matrix("tau", 6, [39, 2], &[element(2, &[0; 78])]);
     let refusal = folder.refusal(&file(&[variables(), vec![short]].concat()));
     assert!(
-        refusal.contains("`tau[0]` has 2 rows, but `t` 40"),
+        refusal.contains("`tau[0]` has 39 rows, but `t` 40"),
         "{refusal}"
     );
 }

@@ -81,7 +81,10 @@ impl Shape {
     }
 }
 
-/// The log that these arrays are. Those of another length are left out, unless their name says that they belong to it.
+/// A measured array that is nearly as long as the others was to be as long; one that is not is of something else.
+const NEARLY: f64 = 0.1;
+
+/// The log that these arrays are. Those of another length are left out, unless they are measured and nearly as long.
 pub(super) fn frame_of(mut arrays: Vec<Array>) -> Result<Frame, ReadProblem> {
     take_off_the_common_struct(&mut arrays);
     let rows = rows_of(&arrays);
@@ -89,8 +92,8 @@ pub(super) fn frame_of(mut arrays: Vec<Array>) -> Result<Frame, ReadProblem> {
     let mut left_out = Vec::new();
     for array in arrays {
         let length = array.rows();
-        // A single number is a setting, whatever it is called.
-        if length != rows && (length == 1 || !is_told(&array)) {
+        let nearly = length.abs_diff(rows) as f64 <= NEARLY * rows as f64;
+        if length != rows && !(nearly && is_told(&array)) {
             left_out.push(format!("{} ({length})", array.name));
         } else {
             frame.add_array(array);
@@ -176,20 +179,20 @@ mod tests {
     fn settings_are_left_out_and_said_and_what_is_measured_must_be_as_long() {
         let arrays = |torque_rows| {
             vec![
-                array("log.t", 1, 5),
-                array("log.q", 2, 5),
+                array("log.t", 1, 50),
+                array("log.q", 2, 50),
                 array("log.tau", 2, torque_rows),
-                array("log.masses", 1, 7),
-                array("log.speed", 1, 1),
+                array("log.masses", 1, 51),
+                array("log.speed", 1, 6),
             ]
         };
-        let frame = frame_of(arrays(5)).unwrap();
+        let frame = frame_of(arrays(50)).unwrap();
         let names: Vec<&str> = frame.columns.iter().map(|column| &*column.name).collect();
         assert_eq!(names, ["t", "q[0]", "q[1]", "tau[0]", "tau[1]"]);
-        assert_eq!(frame.notes[LEFT_OUT], "masses (7), speed (1)");
-        let refusal = frame_of(arrays(4)).err().unwrap().to_string();
+        assert_eq!(frame.notes[LEFT_OUT], "masses (51), speed (6)");
+        let refusal = frame_of(arrays(49)).err().unwrap().to_string();
         assert!(
-            refusal.starts_with("`tau[0]` has 4 rows, but `t` 5"),
+            refusal.starts_with("`tau[0]` has 49 rows, but `t` 50"),
             "{refusal}"
         );
     }

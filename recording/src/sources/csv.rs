@@ -94,7 +94,18 @@ fn read_table(
     mapping_path: &Path,
 ) -> Result<Recording, ReadProblem> {
     let (mut lines, header) = open(path)?;
-    let plan = Plan::new(header.clone(), &[], mapping, mapping_path)?;
+    let plan = Plan::new(header.clone(), &[], mapping, mapping_path);
+    let plan = plan.map_err(|problem| match problem {
+        ReadProblem::NoSignals { .. } | ReadProblem::NoTimeColumn { .. }
+            if are_counted(&header) =>
+        {
+            ReadProblem::HeaderOfNumbers {
+                columns: header.len(),
+                mapping: mapping_path.to_owned(),
+            }
+        }
+        other => other,
+    })?;
     let mut table = TableBuilder::default();
     plan.prepare(&mut table);
     let mut record = ByteRecord::new();
@@ -117,12 +128,16 @@ fn open(path: &Path) -> Result<(Lines, Vec<String>), ReadProblem> {
     let (text, start) = Uncommented::open(BufReader::new(File::open(path)?))?;
     let mut reader = csv::ReaderBuilder::new();
     reader.delimiter(start.delimiter).trim(csv::Trim::All);
-    let (lines, mut header) = match start.commented_header {
-        Some(names) => {
+    let (lines, mut header) = match (start.commented_header, start.unnamed) {
+        (Some(names), _) => {
             let header = read_header(&mut reader.from_reader(&names[..]))?;
             (reader.has_headers(false).from_reader(text), header)
         }
-        None => {
+        (None, Some(columns)) => {
+            let header = (1..=columns).map(|column| column.to_string()).collect();
+            (reader.has_headers(false).from_reader(text), header)
+        }
+        (None, None) => {
             let mut lines = reader.from_reader(text);
             let header = read_header(&mut lines)?;
             (lines, header)
@@ -135,6 +150,12 @@ fn open(path: &Path) -> Result<(Lines, Vec<String>), ReadProblem> {
     Ok((lines, header))
 }
 
+/// Whether the columns have no names but their numbers.
+fn are_counted(header: &[String]) -> bool {
+    let mut numbers = header.iter().zip(1..);
+    numbers.all(|(name, number)| *name == number.to_string())
+}
+
 fn read_header<R: Read>(lines: &mut csv::Reader<R>) -> Result<Vec<String>, ReadProblem> {
     let header = lines.byte_headers().map_err(line_problem)?;
     // A header in another encoding than UTF-8 is legible but for its special letters.
@@ -144,9 +165,6 @@ fn read_header<R: Read>(lines: &mut csv::Reader<R>) -> Result<Vec<String>, ReadP
         .collect();
     if names.is_empty() {
         return Err(ReadProblem::NoHeader);
-    }
-    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
-        return Err(ReadProblem::HeaderOfNumbers);
     }
     Ok(names)
 }

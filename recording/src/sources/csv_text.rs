@@ -19,6 +19,8 @@ pub(crate) struct Start {
     pub(crate) commented_header: Option<Vec<u8>>,
     /// Of the columns, where a line after their names tells them.
     pub(crate) units: Option<Vec<String>>,
+    /// How many columns without names there are, where the first line is one of numbers.
+    pub(crate) unnamed: Option<usize>,
 }
 
 /// A text without its comments, its byte order mark and its line of units, opened and looked at. These become empty lines,
@@ -55,6 +57,7 @@ impl<R: BufRead> Uncommented<R> {
         let fields = |line: &[u8]| fields(line, delimiter);
         // Some writers put the columns' names in a comment, and their units in another.
         let (mut commented_header, mut units) = (None, None);
+        let names = fields(&first);
         if fields(&first).iter().all(|field| is_number(field)) {
             let fits = |line: &Vec<u8>| {
                 let (names, numbers) = (fields(line), fields(&first));
@@ -88,6 +91,7 @@ impl<R: BufRead> Uncommented<R> {
         ]
         .concat();
         let start = Start {
+            unnamed: (commented_header.is_none() && is_row(&names)).then_some(names.len()),
             delimiter,
             commented_header,
             units,
@@ -186,6 +190,16 @@ fn fields(line: &[u8], delimiter: u8) -> Vec<String> {
     }
 }
 
+/// Whether a first line is one of values: all numbers, but not the columns counted, as pandas names those that have no names.
+fn is_row(fields: &[String]) -> bool {
+    let counted = |from: usize| {
+        let mut numbers = fields.iter().zip(from..);
+        numbers.all(|(field, number)| *field == number.to_string())
+    };
+    let some = fields.iter().any(|field| !field.is_empty());
+    some && fields.iter().all(|field| is_number(field)) && !(counted(0) || counted(1))
+}
+
 fn is_number(field: &str) -> bool {
     field.is_empty() || field.replacen(',', ".", 1).parse::<f64>().is_ok()
 }
@@ -250,6 +264,22 @@ mod tests {
         assert_eq!(start.commented_header.as_deref(), Some(&b"t q"[..]));
         assert_eq!(opened(b"time stamp\n1\n2\n").1.delimiter, b',');
         assert_eq!(opened(b"% t;q\n0,0;1,5\n").1.delimiter, b';');
+    }
+
+    #[test]
+    fn a_first_line_of_numbers_is_one_of_values_unless_it_counts() {
+        let unnamed = |text: &str| opened(text.as_bytes()).1.unnamed;
+        assert_eq!(unnamed("0.0,1.5,-2\n0.1,1,2\n"), Some(3));
+        assert_eq!(unnamed("0,0  1,5\n0,1  1,6\n"), Some(2));
+        for named in [
+            "0,1,2\n5,5,5\n",
+            "1;2\n5;5\n",
+            "t,q\n0,1\n",
+            "# t,q\n0.5,1\n",
+            "",
+        ] {
+            assert_eq!(unnamed(named), None, "{named}");
+        }
     }
 
     #[test]
