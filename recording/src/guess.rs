@@ -257,9 +257,15 @@ impl Guesser<'_> {
             text[start..].parse().ok()
         };
         let number = digits(&name)?;
-        let from_zero = self.frame.columns.iter().any(|column| {
-            meaning(&column.name).is_some_and(|meaning| digits(&meaning.rest.concat()) == Some(0))
-        });
+        let is_zero = |name: &str| {
+            let name = meaning(name).map_or_else(
+                || is_numbered_joint(name).then(|| plain(name)),
+                |meaning| Some(meaning.rest.concat()),
+            );
+            name.is_some_and(|name| digits(&name) == Some(0))
+        };
+        let mut columns = self.frame.columns.iter();
+        let from_zero = columns.any(|column| is_zero(&column.name));
         let of_joint = |number| {
             let mut joints = self.joints.iter();
             joints.find(|joint| digits(&joint.name) == Some(number))
