@@ -75,12 +75,18 @@ pub fn guess(path: &Path, joints: &[GuessJoint]) -> Result<Guess, ReadError> {
 
 /// Guesses what the columns of a log hold that was read.
 pub(crate) fn guess_frame(frame: &Frame, joints: &[GuessJoint]) -> Guess {
-    Guesser { frame, joints }.guess()
+    Guesser {
+        frame,
+        joints,
+        mostly_degrees: mostly_degrees(frame, joints),
+    }
+    .guess()
 }
 
 struct Guesser<'a> {
     frame: &'a Frame,
     joints: &'a [GuessJoint],
+    mostly_degrees: bool,
 }
 
 impl Guesser<'_> {
@@ -158,8 +164,7 @@ impl Guesser<'_> {
             let joint = self
                 .joint_named(joint)
                 .ok_or("the robot has no such joint")?;
-            let (scale, unit) =
-                meaning(&column.name).map_or((1.0, None), |meaning| unit(&meaning, column));
+            let (scale, unit) = self.unit(column);
             let (sure, why) = match unit {
                 None => (Sure::Likely, "the dataset says it".to_owned()),
                 // What LeRobot does unless it is told to use degrees.
@@ -173,7 +178,7 @@ impl Guesser<'_> {
         }
         let (joint, meaning, mut sure, mut why) = self.by_name(index, &column.name)?;
         let (signal, side_is_supposed) = meaning.signal();
-        let (scale, unit) = unit(&meaning, column);
+        let (scale, unit) = self.unit(column);
         if let Some(unit) = unit {
             sure = sure.min(Sure::Likely);
             why.push(unit);
@@ -205,18 +210,12 @@ impl Guesser<'_> {
             return Ok((joint, found, Sure::Certain, why));
         }
         let is_joint = named.as_ref().is_some_and(|(_, rest)| rest.is_empty());
-        let (mut sure, found) = match meaning(name) {
-            Some(found) => (Sure::Certain, found),
-            None if is_joint || is_numbered_joint(name) => {
-                why.push("a position, as it has a joint's name alone".to_owned());
-                let found = meaning(&format!("position {name}"));
-                (
-                    Sure::Doubtful,
-                    found.ok_or("its name says nothing that is known")?,
-                )
-            }
-            None => return Err("its name says nothing that is known".to_owned()),
-        };
+        let found = meaning_of(name, self.joints).ok_or("its name says nothing that is known")?;
+        let mut sure = Sure::Certain;
+        if meaning(name).is_none() {
+            why.push("a position, as it has a joint's name alone".to_owned());
+            sure = Sure::Doubtful;
+        }
         if let Some((joint, _)) = named.filter(|_| is_joint) {
             return Ok((joint, found, sure, why));
         }
@@ -233,6 +232,22 @@ impl Guesser<'_> {
             }
         }
         Ok((joint, found, sure, why))
+    }
+
+    /// Signal over column, and why where its name does not tell the unit.
+    fn unit(&self, column: &Column) -> (f64, Option<String>) {
+        let told = meaning(&column.name).and_then(|meaning| meaning.scale);
+        match unnamed_angle(column, self.joints) {
+            Some(farthest) if farthest > FARTHEST_RAD => {
+                let why = format!("degrees, as it goes to {farthest:.1}");
+                (PI / 180.0, Some(why))
+            }
+            Some(_) if self.mostly_degrees => {
+                let why = "degrees, as most positions are".to_owned();
+                (PI / 180.0, Some(why))
+            }
+            _ => (told.unwrap_or(1.0), None),
+        }
     }
 
     fn joint_named(&self, name: &str) -> Option<&GuessJoint> {
@@ -398,26 +413,39 @@ fn of_the_motor(
     )
 }
 
-/// Signal over column, and why where its name does not tell the unit.
-fn unit(meaning: &Meaning, column: &Column) -> (f64, Option<String>) {
-    if let Some(scale) = meaning.scale {
-        return (scale, None);
-    }
+/// What a column's name says; a joint's name alone is its position, by custom.
+fn meaning_of(name: &str, joints: &[GuessJoint]) -> Option<Meaning> {
+    let is_joint = |joint: &GuessJoint| without_joint(name, &joint.name).as_deref() == Some("");
+    meaning(name).or_else(|| {
+        let alone = is_numbered_joint(name) || joints.iter().any(is_joint);
+        alone
+            .then(|| meaning(&format!("position {name}")))
+            .flatten()
+    })
+}
+
+/// How far a column goes that holds positions of joints and whose name does not tell their unit.
+fn unnamed_angle(column: &Column, joints: &[GuessJoint]) -> Option<f64> {
+    let meaning = meaning_of(&column.name, joints)?;
+    let is_angle = meaning.quantity == Quantity::Position && meaning.is_motor != Some(true);
     let Values::Numbers(values) = &column.values else {
-        return (1.0, None);
+        return None;
     };
-    let farthest = values
-        .iter()
-        .fold(0.0_f64, |farthest, value| farthest.max(value.abs()));
-    // A joint turns once each way at most, but for a motor.
-    if meaning.quantity == Quantity::Position
-        && meaning.is_motor != Some(true)
-        && farthest > 2.5 * PI
-    {
-        let why = format!("degrees, as it goes to {farthest:.1}");
-        return (PI / 180.0, Some(why));
-    }
-    (1.0, None)
+    let farther = |farthest: f64, value: &f64| farthest.max(value.abs());
+    (is_angle && meaning.scale.is_none()).then(|| values.iter().fold(0.0, farther))
+}
+
+/// A joint turns once each way at most, but for a motor.
+const FARTHEST_RAD: f64 = 2.5 * PI;
+
+/// Whether most positions go farther than joints do in radians: logs have one unit for all.
+fn mostly_degrees(frame: &Frame, joints: &[GuessJoint]) -> bool {
+    let angles = frame.columns.iter();
+    let farthest: Vec<f64> = angles
+        .filter_map(|column| unnamed_angle(column, joints))
+        .collect();
+    let beyond = farthest.iter().filter(|farthest| **farthest > FARTHEST_RAD);
+    2 * beyond.count() > farthest.len()
 }
 
 /// Least squares of a velocity over the difference of its position; `None` if it stands still or scatters.

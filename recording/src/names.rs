@@ -241,9 +241,10 @@ pub(crate) fn meaning(name: &str) -> Option<Meaning> {
             rest.push(number.to_owned());
         }
     }
-    // An action with nothing else is where a policy sends the joint.
-    let quantity = quantity
-        .or((is_reference && rest.is_empty() && name == "action").then_some(Quantity::Position))?;
+    // An action with nothing else but a number is where a policy sends the joint.
+    let is_number = |word: &String| word.bytes().all(|byte| byte.is_ascii_digit());
+    let is_action = is_reference && name.starts_with("action") && rest.iter().all(is_number);
+    let quantity = quantity.or(is_action.then_some(Quantity::Position))?;
     let scale = unit.and_then(|(_, of, scale)| match (of, quantity) {
         (of, quantity) if *of == quantity => Some(*scale),
         (Quantity::Position, Quantity::Velocity) => Some(*scale),

@@ -248,3 +248,24 @@ fn a_joints_name_alone_is_its_position_by_custom_only() {
         assert_eq!(elbow.sure, Sure::Doubtful);
     }
 }
+
+#[test]
+fn what_most_positions_are_in_all_are_in() {
+    let row = |time_s| {
+        vec![
+            60.0 * swing(time_s).0,
+            40.0 * swing(time_s).0,
+            5.0 * swing(time_s).0,
+        ]
+    };
+    let joints = [("a", 1.0), ("b", 1.0), ("c", 1.0)];
+    for header in [
+        "q1,q2,q3",
+        "action[0],action[1],action[2]",
+        "Joint_1,Joint_2,Joint_3",
+    ] {
+        let guess = Log::new(header, row).guess(&joints);
+        let scales: Vec<f64> = guess.columns.iter().map(|found| found.scale).collect();
+        assert_eq!(scales, [PI / 180.0; 3], "{header}");
+    }
+}

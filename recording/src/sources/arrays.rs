@@ -48,7 +48,7 @@ impl Shape {
             return Ok(None);
         }
         let values = long.checked_mul(short);
-        if !values.is_some_and(|values| values <= values_left as u64) {
+        if values.is_none_or(|values| values > values_left as u64) {
             let rows = i64::try_from(long).unwrap_or(i64::MAX);
             let columns = usize::try_from(short).unwrap_or(0);
             return Err(ReadProblem::TooLarge { rows, columns });
