@@ -58,6 +58,8 @@ pub struct Guess {
     pub columns: Vec<GuessedColumn>,
     /// Columns that were left out, and why.
     pub left_out: Vec<(String, String)>,
+    /// Whether one column, and only one, is known as the time.
+    pub has_time: bool,
 }
 
 /// Guesses what the columns of a log hold.
@@ -91,7 +93,11 @@ struct Guesser<'a> {
 
 impl Guesser<'_> {
     fn guess(&self) -> Guess {
-        let mut guess = Guess::default();
+        let is_time = |column: &&Column| column.name == TIME || time_column(&column.name).is_some();
+        let mut guess = Guess {
+            has_time: self.frame.columns.iter().filter(is_time).count() == 1,
+            ..Guess::default()
+        };
         let mut columns: Vec<(usize, GuessedColumn)> = Vec::new();
         for (index, column) in self.frame.columns.iter().enumerate() {
             if column.name == TIME || time_column(&column.name).is_some() {
@@ -522,6 +528,9 @@ impl Guess {
     pub fn to_toml(&self) -> String {
         let mut text =
             String::from("# Guessed by `flexspline recording map`. Value = scale·x + offset.\n");
+        if !self.has_time {
+            text.push_str(NO_TIME);
+        }
         let mut joint = "";
         for found in &self.columns {
             if found.joint != joint {
@@ -542,6 +551,14 @@ impl Guess {
         text
     }
 }
+
+/// What a mapping file must be told before the log can be read.
+const NO_TIME: &str = "
+# Which column is the time is not known: take the # off one of these.
+# sample_rate_hz = 500.0
+# [columns]
+# time_s = \"…\"
+";
 
 /// As TOML writes a text.
 fn quoted(text: &str) -> String {

@@ -126,6 +126,18 @@ fn the_mapping_file_that_is_written_is_read() {
 }
 
 #[test]
+fn a_mapping_without_a_time_says_what_to_write() {
+    let log = Log::new("timestamp,q", |time_s| vec![time_s, swing(time_s).0]);
+    let guess = log.guess(&[("shoulder", 1.0)]);
+    assert!(!guess.has_time);
+    let text = guess.to_toml();
+    assert!(text.contains("# sample_rate_hz = 500.0\n"), "{text}");
+    let with_rate = text.replace("# sample_rate_hz", "sample_rate_hz");
+    std::fs::write(mapping_beside(&log.path()), with_rate).unwrap();
+    assert!(read(&log.path()).is_ok());
+}
+
+#[test]
 fn joints_are_counted_from_the_least_number() {
     let row = |time_s| vec![swing(time_s).0, 2.0 * swing(time_s).0];
     let joints = [("shoulder", 1.0), ("elbow", 1.0)];

@@ -43,7 +43,11 @@ pub fn map(arguments: &RecordingMapArguments) -> Result<(), CliError> {
         )));
     }
     write_text(&out, &guess.to_toml())?;
-    print(&format!("{}\n", out.display()))
+    let time = match guess.has_time {
+        true => "",
+        false => ": say in it which column is the time, or how many rows there were in a second",
+    };
+    print(&format!("{}{time}\n", out.display()))
 }
 
 fn told(guess: &Guess) -> String {
