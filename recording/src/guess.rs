@@ -58,7 +58,7 @@ pub struct Guess {
     pub columns: Vec<GuessedColumn>,
     /// Columns that were left out, and why.
     pub left_out: Vec<(String, String)>,
-    /// Whether one column, and only one, is known as the time.
+    /// Whether it is known which column is the time.
     pub has_time: bool,
 }
 
@@ -93,9 +93,10 @@ struct Guesser<'a> {
 
 impl Guesser<'_> {
     fn guess(&self) -> Guess {
-        let is_time = |column: &&Column| column.name == TIME || time_column(&column.name).is_some();
+        let columns = || self.frame.columns.iter();
+        let times = columns().filter(|column| time_column(&column.name).is_some());
         let mut guess = Guess {
-            has_time: self.frame.columns.iter().filter(is_time).count() == 1,
+            has_time: columns().any(|column| column.name == TIME) || times.count() == 1,
             ..Guess::default()
         };
         let mut columns: Vec<(usize, GuessedColumn)> = Vec::new();

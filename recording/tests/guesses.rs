@@ -127,14 +127,18 @@ fn the_mapping_file_that_is_written_is_read() {
 
 #[test]
 fn a_mapping_without_a_time_says_what_to_write() {
-    let log = Log::new("timestamp,q", |time_s| vec![time_s, swing(time_s).0]);
-    let guess = log.guess(&[("shoulder", 1.0)]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.csv");
+    std::fs::write(&path, "time,stamp,q\n0,7,0.1\n0.1,8,0.2\n").unwrap();
+    let guess = guess(&path, &guess_joints(&[("shoulder", 1.0)])).unwrap();
     assert!(!guess.has_time);
     let text = guess.to_toml();
     assert!(text.contains("# sample_rate_hz = 500.0\n"), "{text}");
+    std::fs::write(mapping_beside(&path), &text).unwrap();
+    assert!(read(&path).is_err());
     let with_rate = text.replace("# sample_rate_hz", "sample_rate_hz");
-    std::fs::write(mapping_beside(&log.path()), with_rate).unwrap();
-    assert!(read(&log.path()).is_ok());
+    std::fs::write(mapping_beside(&path), with_rate).unwrap();
+    assert_eq!(read(&path).unwrap().time_s, [0.0, 0.002]);
 }
 
 #[test]
