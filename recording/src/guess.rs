@@ -8,8 +8,9 @@ use crate::columns::{Known, TIME, joint_and_signal};
 use crate::error::one_line;
 use crate::frame::{Column, Frame, Values};
 use crate::mapping::Mapping;
-use crate::names::{Meaning, Quantity, is_numbered_joint, meaning, without_joint};
+use crate::names::{Meaning, Quantity, is_numbered_joint, meaning, says_measured, without_joint};
 use crate::{ReadError, ReadProblem, Signal, sources};
+use std::cmp::Reverse;
 use std::f64::consts::PI;
 use std::fmt::{self, Write};
 use std::path::Path;
@@ -110,13 +111,15 @@ impl Guesser<'_> {
             }
         }
         self.weigh_velocities(&mut columns);
-        // The surest of several for one signal.
+        // The surest of several for one signal, and of these one that was measured.
         columns.sort_by_key(|(index, found)| {
             let joint = self
                 .joints
                 .iter()
                 .position(|joint| joint.name == found.joint);
-            (joint, found.signal, std::cmp::Reverse(found.sure), *index)
+            let is_measured = says_measured(&found.column);
+            let best_first = Reverse((found.sure, is_measured));
+            (joint, found.signal, best_first, *index)
         });
         for (_, found) in columns {
             let same =

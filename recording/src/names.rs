@@ -76,17 +76,9 @@ const REFERENCE: &[&str] = &[
 const MOTOR: &[&str] = &["motor", "rotor", "drive"];
 const LINK: &[&str] = &["link", "joint", "load", "output"];
 /// Said of measured values, and of nothing else.
-const FILLERS: &[&str] = &[
-    "measured",
-    "meas",
-    "actual",
-    "act",
-    "observation",
-    "observations",
-    "obs",
-    "s",
-    "data",
-];
+const MEASURED: &[&str] = &["measured", "meas", "actual", "act"];
+/// Said of values without saying anything.
+const FILLERS: &[&str] = &["observation", "observations", "obs", "s", "data"];
 /// Unit, what it is a unit of, and SI per unit. Of a velocity per second where a time does not follow.
 const UNITS: &[(&str, Quantity, f64)] = &[
     ("rad", Quantity::Position, 1.0),
@@ -157,6 +149,11 @@ pub(crate) fn without_joint(column: &str, joint: &str) -> Option<String> {
         .position(|part| part == joint)?;
     column.drain(at..at + joint.len());
     Some(column.join("_"))
+}
+
+/// Whether a name says that its values were measured.
+pub(crate) fn says_measured(name: &str) -> bool {
+    words(name).iter().any(|word| MEASURED.contains(&&**word))
 }
 
 /// Whether a name is that of a joint and says nothing else: `joint_3`, `J1`, `Axis 2`.
@@ -233,7 +230,7 @@ pub(crate) fn meaning(name: &str) -> Option<Meaning> {
         } else if let Some(found) = unit_of_word.filter(|_| quantity.is_some()) {
             unit = Some(found);
             continue;
-        } else if !(is(FILLERS) && number.is_empty()) {
+        } else if !((is(FILLERS) || is(MEASURED)) && number.is_empty()) {
             rest.push(word.clone());
             continue;
         }

@@ -285,3 +285,11 @@ fn what_most_positions_are_in_all_are_in() {
         assert_eq!(scales, [PI / 180.0; 3], "{header}");
     }
 }
+
+#[test]
+fn of_several_columns_for_one_signal_the_measured_one_is_taken() {
+    let log = Log::new("tau_model1,act_torque1_nm", |_| vec![1.0, 2.0]);
+    let guess = log.guess(&[("elbow", 1.0)]);
+    assert_eq!(guess.columns[0].column, "act_torque1_nm");
+    assert_eq!(guess.left_out[0].0, "tau_model1");
+}
