@@ -248,8 +248,8 @@ pub enum ReadProblem {
     NoHeader,
     /// A log without column names.
     #[error(
-        "begins with numbers, so its {columns} columns are called `1` to `{columns}`; say in {} which is which, or name them in \
-         the first line", mapping.display()
+        "begins with numbers, so its columns are called `1` to `{columns}`; say in {} which is which, or name them in the first \
+         line", mapping.display()
     )]
     HeaderOfNumbers {
         /// How many.

@@ -3,7 +3,7 @@
 //! A velocity is what its position's difference says, in whatever unit and on whatever side of the gear; a joint that goes
 //! round several times is more likely one in degrees.
 
-use crate::clock::time_column;
+use crate::clock::{UnitsPerSecond, only_time_column, time_column};
 use crate::columns::{Known, TIME, joint_and_signal};
 use crate::error::one_line;
 use crate::frame::{Column, Frame, Values};
@@ -95,9 +95,9 @@ struct Guesser<'a> {
 impl Guesser<'_> {
     fn guess(&self) -> Guess {
         let columns = || self.frame.columns.iter();
-        let times = columns().filter(|column| time_column(&column.name).is_some());
+        let time = only_time_column(columns().map(|column| &*column.name));
         let mut guess = Guess {
-            has_time: columns().any(|column| column.name == TIME) || times.count() == 1,
+            has_time: columns().any(|column| column.name == TIME) || time.is_some(),
             ..Guess::default()
         };
         let mut columns: Vec<(usize, GuessedColumn)> = Vec::new();
@@ -385,10 +385,13 @@ impl Guesser<'_> {
     }
 
     fn times_s(&self) -> Option<Vec<f64>> {
-        let is_time = |column: &&Column| column.name == TIME || time_column(&column.name).is_some();
-        let column = self.frame.columns.iter().find(is_time)?;
-        let unit = time_column(&column.name).flatten();
-        crate::frame::times_s(&column.values, unit)
+        let columns = &self.frame.columns;
+        let named = columns.iter().position(|column| column.name == TIME);
+        let (time, unit) = match named {
+            Some(time) => (time, Some(UnitsPerSecond::SECONDS)),
+            None => only_time_column(columns.iter().map(|column| &*column.name))?,
+        };
+        crate::frame::times_s(&columns[time].values, unit)
     }
 
     fn numbers(&self, column: usize) -> Vec<f64> {

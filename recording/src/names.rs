@@ -73,10 +73,14 @@ const REFERENCE: &[&str] = &[
     "action",
     "d",
 ];
-const MOTOR: &[&str] = &["motor", "rotor", "drive"];
+const MOTOR: &[&str] = &["motor", "mot", "rotor", "drive"];
 const LINK: &[&str] = &["link", "joint", "load", "output"];
 /// Said of measured values, and of nothing else.
 const MEASURED: &[&str] = &["measured", "meas", "actual", "act"];
+/// Said of what is computed from values of that kind, or bounds them.
+const OF_OTHERS: &[&str] = &[
+    "error", "err", "std", "var", "min", "max", "limit", "offset",
+];
 /// Said of values without saying anything.
 const FILLERS: &[&str] = &["observation", "observations", "obs", "s", "data"];
 /// Unit, what it is a unit of, and SI per unit. Of a velocity per second where a time does not follow.
@@ -206,6 +210,9 @@ pub(crate) fn meaning(name: &str) -> Option<Meaning> {
     let (mut quantity, mut is_reference, mut is_motor, mut unit) = (None, false, None, None);
     let mut rest = Vec::new();
     for word in words(&spelled(name)) {
+        if OF_OTHERS.contains(&&*word) {
+            return None;
+        }
         let letters = word.trim_end_matches(|c: char| c.is_ascii_digit());
         let number = &word[letters.len()..];
         let is = |known: &[&str]| known.contains(&letters);
@@ -308,7 +315,15 @@ mod tests {
         ] {
             assert_eq!(array_signal(name), Some(signal), "{name}");
         }
-        for other in ["tau_des", "images", "wrench", "q_left", ""] {
+        for other in [
+            "tau_des",
+            "images",
+            "wrench",
+            "q_left",
+            "error_pos_deg",
+            "q_max",
+            "",
+        ] {
             assert_eq!(array_signal(other), None, "{other}");
         }
     }

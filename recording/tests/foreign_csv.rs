@@ -292,7 +292,7 @@ fn refusals_say_where_and_what_to_change() {
     ));
     assert!(Log::new("").refusal().starts_with("is empty"));
     assert!(Log::new("0.1,0.2\n0.3,0.4\n").refusal().starts_with(
-        "begins with numbers, so its 2 columns are called `1` to `2`; say in log.mapping.toml"
+        "begins with numbers, so its columns are called `1` to `2`; say in log.mapping.toml"
     ));
     assert!(
         Log::new("j.motor_torque_nm\n1\n")

@@ -191,6 +191,8 @@ def datasets():
             for episode in range(2):
                 write(folder / f"data/chunk-000/episode_00000{episode}.parquet", slice(half * episode, half * (episode + 1)))
         names = [f"{joint}.pos" for joint in JOINTS]
+        # Some converters put the list into another.
+        names = [names] if version == "v2.1" else names
         info = {"codebase_version": version, "fps": 50, "features": {
             "observation.state": {"dtype": "float32", "shape": [3], "names": names},
             "action": {"dtype": "float32", "shape": [3], "names": names},
