@@ -358,6 +358,36 @@ fn bad_input_is_one_line_and_exit_code_two() {
         &["info", "run.mcap", "--robot", "shd71"],
         &["shd71", "shd17"],
     );
+    let mat = [
+        &[b' '; 124][..],
+        b"\x00\x01IM",
+        &[15, 0, 0, 0, 4, 0, 0, 0, 1, 2, 3, 4],
+    ]
+    .concat();
+    for (name, bytes, expected) in [
+        (
+            "log.bag",
+            &b"#ROSBAG V2.0\n\x01\x00\x00\x00x\x00\x00\x00\x00"[..],
+            "damaged at byte 13",
+        ),
+        ("log.mat", &mat, "MATLAB file that cannot be read"),
+        ("log.h5", b"\x89HDF\r\n\x1a\n and nothing else", "HDF5 file"),
+        ("log.xlsx", b"PK\x03\x04", "save it as CSV"),
+        ("log.pkl", b"\x80\x04\x95", "Python pickle"),
+        (
+            "lfs.bag",
+            b"version https://git-lfs.github.com/spec/v1\n",
+            "git lfs pull",
+        ),
+    ] {
+        fs::write(bench.file(name), bytes).expect("written");
+        refused(&bench, &["info", name], &[name, expected]);
+        refused(
+            &bench,
+            &["import", name, "--robot", "shd17", "--out", "x.mcap"],
+            &[name, expected],
+        );
+    }
     fs::write(bench.file("other.toml"), "sample_rate_hz = 100.0\n").expect("written");
     refused(
         &bench,

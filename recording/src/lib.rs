@@ -1,9 +1,9 @@
 //! Recordings: MCAP, Parquet and CSV files, read and written; bags of ROS and files of arrays, read.
 //!
 //! [`Writer`] appends one row per control cycle to an MCAP file that common viewers and libraries open: the
-//! schemas travel in the file. [`read`] turns a recording, or a foreign log with a mapping file beside it, into the columns of
-//! a [`Recording`], and [`read_guessing`] does without the mapping file where it can; [`read_cycles`] hands over an MCAP file's rows with what the table leaves
-//! out (loop timing, live estimates, what an emulated plant really did).
+//! schemas travel in the file. [`read`] turns a recording, or a foreign log with a mapping file beside it, into the
+//! columns of a [`Recording`], and [`read_guessing`] does without the mapping file where it can; [`read_cycles`] hands
+//! over an MCAP file's rows with what the table leaves out (loop timing, live estimates, what an emulated plant really did).
 //!
 //! SI units. `motor_` names the side before the gear, `link_` or `joint_` the side after it; positive about the
 //! joint's axis on both sides.
