@@ -3,12 +3,14 @@
 //! A velocity is what its position's difference says, in whatever unit and on whatever side of the gear; a joint that goes
 //! round several times is more likely one in degrees.
 
-use crate::clock::time_column;
+use crate::clock::{UnitsPerSecond, only_time_column, time_column};
 use crate::columns::{Known, TIME, joint_and_signal};
+use crate::error::one_line;
 use crate::frame::{Column, Frame, Values};
 use crate::mapping::Mapping;
-use crate::names::{Meaning, Quantity, meaning};
-use crate::{ReadError, Signal, sources};
+use crate::names::{Meaning, Quantity, is_numbered_joint, meaning, says_measured, without_joint};
+use crate::{ReadError, ReadProblem, Signal, sources};
+use std::cmp::Reverse;
 use std::f64::consts::PI;
 use std::fmt::{self, Write};
 use std::path::Path;
@@ -57,6 +59,8 @@ pub struct Guess {
     pub columns: Vec<GuessedColumn>,
     /// Columns that were left out, and why.
     pub left_out: Vec<(String, String)>,
+    /// Whether it is known which column is the time.
+    pub has_time: bool,
 }
 
 /// Guesses what the columns of a log hold.
@@ -69,17 +73,33 @@ pub fn guess(path: &Path, joints: &[GuessJoint]) -> Result<Guess, ReadError> {
         path: path.to_owned(),
         problem,
     })?;
-    Ok(Guesser { frame, joints }.guess())
+    Ok(guess_frame(&frame, joints))
+}
+
+/// Guesses what the columns of a log hold that was read.
+pub(crate) fn guess_frame(frame: &Frame, joints: &[GuessJoint]) -> Guess {
+    Guesser {
+        frame,
+        joints,
+        mostly_degrees: mostly_degrees(frame, joints),
+    }
+    .guess()
 }
 
 struct Guesser<'a> {
-    frame: Frame,
+    frame: &'a Frame,
     joints: &'a [GuessJoint],
+    mostly_degrees: bool,
 }
 
 impl Guesser<'_> {
     fn guess(&self) -> Guess {
-        let mut guess = Guess::default();
+        let columns = || self.frame.columns.iter();
+        let time = only_time_column(columns().map(|column| &*column.name));
+        let mut guess = Guess {
+            has_time: columns().any(|column| column.name == TIME) || time.is_some(),
+            ..Guess::default()
+        };
         let mut columns: Vec<(usize, GuessedColumn)> = Vec::new();
         for (index, column) in self.frame.columns.iter().enumerate() {
             if column.name == TIME || time_column(&column.name).is_some() {
@@ -91,13 +111,15 @@ impl Guesser<'_> {
             }
         }
         self.weigh_velocities(&mut columns);
-        // The surest of several for one signal.
+        // The surest of several for one signal, and of these one that was measured.
         columns.sort_by_key(|(index, found)| {
             let joint = self
                 .joints
                 .iter()
                 .position(|joint| joint.name == found.joint);
-            (joint, found.signal, std::cmp::Reverse(found.sure), *index)
+            let is_measured = says_measured(&found.column);
+            let best_first = Reverse((found.sure, is_measured));
+            (joint, found.signal, best_first, *index)
         });
         for (_, found) in columns {
             let same =
@@ -152,27 +174,21 @@ impl Guesser<'_> {
             let joint = self
                 .joint_named(joint)
                 .ok_or("the robot has no such joint")?;
-            let (scale, unit) =
-                meaning(&column.name).map_or((1.0, None), |meaning| unit(&meaning, column));
-            let why = format!(
-                "the dataset says it{}",
-                unit.map_or(String::new(), |unit| format!("; {unit}"))
-            );
-            let (signal, to_motor, sure, why) = of_the_motor(signal, joint, Sure::Likely, &why);
+            let (scale, unit) = self.unit(column);
+            let (sure, why) = match unit {
+                None => (Sure::Likely, "the dataset says it".to_owned()),
+                // What LeRobot does unless it is told to use degrees.
+                Some(unit) => (
+                    Sure::Doubtful,
+                    format!("the dataset says it; {unit}, or hundredths of a calibrated range"),
+                ),
+            };
+            let (signal, to_motor, sure, why) = of_the_motor(signal, joint, sure, &why);
             return Ok(found(joint, signal, scale * to_motor, sure, why));
         }
-        let meaning = meaning(&column.name).ok_or("its name says nothing that is known")?;
-        let (joint, by_number) = self
-            .joint_of(&meaning.rest)
-            .ok_or("its name is of no joint of the robot")?;
+        let (joint, meaning, mut sure, mut why) = self.by_name(index, &column.name)?;
         let (signal, side_is_supposed) = meaning.signal();
-        let (scale, unit) = unit(&meaning, column);
-        let mut why = vec!["by its name".to_owned()];
-        let mut sure = Sure::Certain;
-        if by_number {
-            sure = Sure::Likely;
-            why.push("joints by their number".to_owned());
-        }
+        let (scale, unit) = self.unit(column);
         if let Some(unit) = unit {
             sure = sure.min(Sure::Likely);
             why.push(unit);
@@ -183,6 +199,65 @@ impl Guesser<'_> {
         }
         let (signal, to_motor, sure, why) = of_the_motor(signal, joint, sure, &why.join("; "));
         Ok(found(joint, signal, scale * to_motor, sure, why))
+    }
+
+    /// The joint that a column's name is of and what it says, how sure that is and why.
+    fn by_name(
+        &self,
+        index: usize,
+        name: &str,
+    ) -> Result<(&GuessJoint, Meaning, Sure, Vec<String>), String> {
+        let mut why = vec!["by its name".to_owned()];
+        // Names of joints have words in them that would say something else: `shoulder_joint`. The longest that fits counts.
+        let named = self.joints.iter().filter_map(|joint| {
+            let rest = without_joint(name, &joint.name)?;
+            Some((joint, rest))
+        });
+        let named = named.max_by_key(|(joint, _)| joint.name.len());
+        if let Some((joint, rest)) = &named
+            && let Some(found) = meaning(rest).filter(|found| found.rest.is_empty())
+        {
+            return Ok((joint, found, Sure::Certain, why));
+        }
+        let is_joint = named.as_ref().is_some_and(|(_, rest)| rest.is_empty());
+        let found = meaning_of(name, self.joints).ok_or("its name says nothing that is known")?;
+        let mut sure = Sure::Certain;
+        if meaning(name).is_none() {
+            why.push("a position, as it has a joint's name alone".to_owned());
+            sure = Sure::Doubtful;
+        }
+        if let Some((joint, _)) = named.filter(|_| is_joint) {
+            return Ok((joint, found, sure, why));
+        }
+        let (joint, by_number) = self
+            .joint_of(&found.rest)
+            .ok_or("its name is of no joint of the robot")?;
+        if by_number {
+            sure = sure.min(Sure::Likely);
+            why.push("joints by their number".to_owned());
+            let columns = self.frame.width_of(index);
+            if columns.is_some_and(|columns| columns != self.joints.len()) {
+                sure = Sure::Doubtful;
+                why.push("of which it has others than the robot".to_owned());
+            }
+        }
+        Ok((joint, found, sure, why))
+    }
+
+    /// Signal over column, and why where its name does not tell the unit.
+    fn unit(&self, column: &Column) -> (f64, Option<String>) {
+        let told = meaning(&column.name).and_then(|meaning| meaning.scale);
+        match unnamed_angle(column, self.joints) {
+            Some(farthest) if farthest > FARTHEST_RAD => {
+                let why = format!("degrees, as it goes to {farthest:.1}");
+                (PI / 180.0, Some(why))
+            }
+            Some(_) if self.mostly_degrees => {
+                let why = "degrees, as most positions are".to_owned();
+                (PI / 180.0, Some(why))
+            }
+            _ => (told.unwrap_or(1.0), None),
+        }
     }
 
     fn joint_named(&self, name: &str) -> Option<&GuessJoint> {
@@ -207,14 +282,21 @@ impl Guesser<'_> {
             text[start..].parse().ok()
         };
         let number = digits(&name)?;
-        // The robot's own numbers go before counting, which begins at 0 where a column has that number.
-        let numbered = self
-            .joints
-            .iter()
-            .find(|joint| digits(&joint.name) == Some(number));
-        let from_zero = self.frame.columns.iter().any(|column| {
-            meaning(&column.name).is_some_and(|meaning| digits(&meaning.rest.concat()) == Some(0))
-        });
+        let is_zero = |name: &str| {
+            let name = meaning(name).map_or_else(
+                || is_numbered_joint(name).then(|| plain(name)),
+                |meaning| Some(meaning.rest.concat()),
+            );
+            name.is_some_and(|name| digits(&name) == Some(0))
+        };
+        let mut columns = self.frame.columns.iter();
+        let from_zero = columns.any(|column| is_zero(&column.name));
+        let of_joint = |number| {
+            let mut joints = self.joints.iter();
+            joints.find(|joint| digits(&joint.name) == Some(number))
+        };
+        // The robot's own numbers go before counting, where both begin at 0 or neither does.
+        let numbered = of_joint(number).filter(|_| from_zero == of_joint(0).is_some());
         let counted = || {
             self.joints
                 .get(number.checked_sub(usize::from(!from_zero))?)
@@ -303,10 +385,13 @@ impl Guesser<'_> {
     }
 
     fn times_s(&self) -> Option<Vec<f64>> {
-        let is_time = |column: &&Column| column.name == TIME || time_column(&column.name).is_some();
-        let column = self.frame.columns.iter().find(is_time)?;
-        let unit = time_column(&column.name).flatten();
-        crate::frame::times_s(&column.values, unit)
+        let columns = &self.frame.columns;
+        let named = columns.iter().position(|column| column.name == TIME);
+        let (time, unit) = match named {
+            Some(time) => (time, Some(UnitsPerSecond::SECONDS)),
+            None => only_time_column(columns.iter().map(|column| &*column.name))?,
+        };
+        crate::frame::times_s(&columns[time].values, unit)
     }
 
     fn numbers(&self, column: usize) -> Vec<f64> {
@@ -341,26 +426,39 @@ fn of_the_motor(
     )
 }
 
-/// Signal over column, and why where its name does not tell the unit.
-fn unit(meaning: &Meaning, column: &Column) -> (f64, Option<String>) {
-    if let Some(scale) = meaning.scale {
-        return (scale, None);
-    }
+/// What a column's name says; a joint's name alone is its position, by custom.
+fn meaning_of(name: &str, joints: &[GuessJoint]) -> Option<Meaning> {
+    let is_joint = |joint: &GuessJoint| without_joint(name, &joint.name).as_deref() == Some("");
+    meaning(name).or_else(|| {
+        let alone = is_numbered_joint(name) || joints.iter().any(is_joint);
+        alone
+            .then(|| meaning(&format!("position {name}")))
+            .flatten()
+    })
+}
+
+/// How far a column goes that holds positions of joints and whose name does not tell their unit.
+fn unnamed_angle(column: &Column, joints: &[GuessJoint]) -> Option<f64> {
+    let meaning = meaning_of(&column.name, joints)?;
+    let is_angle = meaning.quantity == Quantity::Position && meaning.is_motor != Some(true);
     let Values::Numbers(values) = &column.values else {
-        return (1.0, None);
+        return None;
     };
-    let farthest = values
-        .iter()
-        .fold(0.0_f64, |farthest, value| farthest.max(value.abs()));
-    // A joint turns once each way at most, but for a motor.
-    if meaning.quantity == Quantity::Position
-        && meaning.is_motor != Some(true)
-        && farthest > 2.5 * PI
-    {
-        let why = format!("degrees, as it goes to {farthest:.1}");
-        return (PI / 180.0, Some(why));
-    }
-    (1.0, None)
+    let farther = |farthest: f64, value: &f64| farthest.max(value.abs());
+    (is_angle && meaning.scale.is_none()).then(|| values.iter().fold(0.0, farther))
+}
+
+/// A joint turns once each way at most, but for a motor.
+const FARTHEST_RAD: f64 = 2.5 * PI;
+
+/// Whether most positions go farther than joints do in radians: logs have one unit for all.
+fn mostly_degrees(frame: &Frame, joints: &[GuessJoint]) -> bool {
+    let angles = frame.columns.iter();
+    let farthest: Vec<f64> = angles
+        .filter_map(|column| unnamed_angle(column, joints))
+        .collect();
+    let beyond = farthest.iter().filter(|farthest| **farthest > FARTHEST_RAD);
+    2 * beyond.count() > farthest.len()
 }
 
 /// Least squares of a velocity over the difference of its position; `None` if it stands still or scatters.
@@ -385,11 +483,61 @@ fn slope(time_s: &[f64], position: &[f64], velocity: &[f64]) -> Option<f64> {
 }
 
 impl Guess {
+    /// What custom alone tells, so that somebody must look at it.
+    pub fn doubtful(&self) -> impl Iterator<Item = &GuessedColumn> {
+        let doubtful = |found: &&GuessedColumn| found.sure == Sure::Doubtful;
+        self.columns.iter().filter(doubtful)
+    }
+
+    /// What it says, as a mapping file at that path would.
+    ///
+    /// # Errors
+    /// Names what is doubtful.
+    pub(crate) fn mapping(&self, mapping_path: &Path) -> Result<Mapping, ReadProblem> {
+        let doubtful: Vec<String> = self.doubtful().map(|found| found.column.clone()).collect();
+        if let Some(first) = self.doubtful().next() {
+            let why = first.why.clone();
+            return Err(ReadProblem::Doubtful {
+                columns: doubtful,
+                why,
+            });
+        }
+        let mapping = Mapping::parse(&self.to_toml());
+        mapping.map_err(|problem| ReadProblem::Mapping {
+            mapping: mapping_path.to_owned(),
+            problem,
+        })
+    }
+
+    /// One line for each joint that something was found of.
+    #[must_use]
+    pub fn lines(&self) -> Vec<String> {
+        let mut lines: Vec<(&str, String)> = Vec::new();
+        for found in &self.columns {
+            let column = one_line(&found.column);
+            let told = match found.scale {
+                1.0 => format!("{} is `{column}`", found.signal),
+                scale => format!("{} is {scale:.6} × `{column}`", found.signal),
+            };
+            match lines.last_mut().filter(|(joint, _)| *joint == found.joint) {
+                Some((_, line)) => *line += &format!(", {told}"),
+                None => lines.push((&found.joint, told)),
+            }
+        }
+        let lines = lines.into_iter();
+        lines
+            .map(|(joint, told)| format!("{joint}: {told}"))
+            .collect()
+    }
+
     /// The mapping file that says the same.
     #[must_use]
     pub fn to_toml(&self) -> String {
         let mut text =
             String::from("# Guessed by `flexspline recording map`. Value = scale·x + offset.\n");
+        if !self.has_time {
+            text.push_str(NO_TIME);
+        }
         let mut joint = "";
         for found in &self.columns {
             if found.joint != joint {
@@ -410,6 +558,14 @@ impl Guess {
         text
     }
 }
+
+/// What a mapping file must be told before the log can be read.
+const NO_TIME: &str = "
+# Which column is the time is not known: take the # off one of these.
+# sample_rate_hz = 500.0
+# [columns]
+# time_s = \"…\"
+";
 
 /// As TOML writes a text.
 fn quoted(text: &str) -> String {

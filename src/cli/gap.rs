@@ -39,10 +39,11 @@ pub struct GapDiagnoseArguments {
     /// The simulation: pa10, shd17, or a robot file
     #[arg(long, value_name = "NAME|FILE")]
     pub robot: String,
-    /// The robot: recording, or CSV or Parquet log with its mapping file beside it; may be given again
+    /// The robot: recording, bag of ROS, LeRobot dataset, or CSV, Parquet, .npz, .mat or HDF5 log; may be given again
     #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
     pub recording: Vec<PathBuf>,
-    /// Which column is which signal, for all recordings; NAME.mapping.toml beside each if not given
+    /// Which column is which signal, for all recordings; NAME.mapping.toml beside each if not given, else
+    /// guessed where that is certain
     #[arg(long, value_name = "FILE")]
     pub mapping: Option<PathBuf>,
     /// Folder for report.json and report.html
