@@ -81,6 +81,7 @@ impl Plan {
                 .named_as_time()
                 .ok_or_else(|| ReadProblem::NoTimeColumn {
                     mapping: mapping_path.to_owned(),
+                    columns: columns.clone(),
                 })?,
         };
         let segment = header

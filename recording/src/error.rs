@@ -339,10 +339,12 @@ pub enum ReadProblem {
         column: String,
     },
     /// Neither a time column nor a sample rate.
-    #[error("has no column `time_s`; name the time column in {} (`[columns]`, `time_s = \"…\"`) or give `sample_rate_hz` there", mapping.display())]
+    #[error("has no column `time_s`; name the time column in {} (`[columns]`, `time_s = \"…\"`) or give `sample_rate_hz` there; its columns are {}", mapping.display(), list(.columns))]
     NoTimeColumn {
         /// The mapping file that could say.
         mapping: PathBuf,
+        /// What the log has.
+        columns: Vec<String>,
     },
     /// The mapping file is wrong.
     #[error("its mapping file {}: {problem}", mapping.display())]

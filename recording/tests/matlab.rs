@@ -179,6 +179,9 @@ fn what_ends_early_is_read_as_far_as_it_goes_and_what_lies_is_refused() {
         assert!(cut.truncated, "{length}");
         assert!(cut.signal("elbow", Signal::ReferencePositionRad).is_ok());
     }
+    let endless = structure("log", [u32::MAX, u32::MAX], &[], &[element(9, &[0; 64])]);
+    let refusal = folder.refusal(&file(&[endless]));
+    assert!(refusal.contains("no column `time_s`"), "{refusal}");
     let lies = matrix("q", 6, [40, 2], &[element(9, &[0; 16])]);
     assert!(
         folder

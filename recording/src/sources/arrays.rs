@@ -7,9 +7,10 @@ use crate::{JOINTS_MAX, ReadProblem, VALUES_MAX};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Arrays of measurements shrink to a tenth; of a file that grows by more only so much is read.
+/// Arrays of measurements shrink to a tenth; of a file that grows by more only so much is read. In memory an integer takes twice
+/// its eight bytes, and the array is there twice while it becomes columns.
 const GROWTH_MAX: u64 = 100;
-const BYTES_MAX: u64 = 1 << 28;
+const BYTES_MAX: u64 = 1 << 26;
 
 /// Where the metadata tell which arrays were left out.
 const LEFT_OUT: &str = "arrays_of_other_lengths_left_out";

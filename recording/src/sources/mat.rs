@@ -142,9 +142,12 @@ impl Reader {
             Class::Struct if depth < DEPTH_MAX => {
                 let ends = || wrong(format!("struct `{name}` ends before its last field"));
                 let fields = elements.field_names().ok_or_else(ends)?;
-                let count = shape.iter().product::<u64>();
+                let count = shape
+                    .iter()
+                    .fold(1, |count: u64, axis| count.saturating_mul(*axis));
+                // A damaged file may say any number; those without fields would take no bytes at all.
+                let count = if fields.is_empty() { 0 } else { count };
                 for index in 1..=count {
-                    // A damaged file may say any number.
                     if elements.rest.is_empty() {
                         break;
                     }

@@ -1,99 +1,31 @@
-//! Guesses what the columns of a foreign log hold: by their names, by the robot's joints, and by physics.
-//!
-//! A velocity is what its position's difference says, in whatever unit and on whatever side of the gear; a joint that goes
-//! round several times is more likely one in degrees.
+//! Joints, signals and units by the names of columns and the size of their values.
 
-use crate::clock::{UnitsPerSecond, only_time_column, time_column};
+use super::{Guess, GuessJoint, GuessedColumn, Sure};
+use crate::Signal;
+use crate::clock::{only_time_column, time_column};
 use crate::columns::{Known, TIME, joint_and_signal};
-use crate::error::one_line;
 use crate::frame::{Column, Frame, Values};
-use crate::mapping::Mapping;
 use crate::names::{Meaning, Quantity, is_numbered_joint, meaning, says_measured, without_joint};
-use crate::{ReadError, ReadProblem, Signal, sources};
 use std::cmp::Reverse;
 use std::f64::consts::PI;
-use std::fmt::{self, Write};
-use std::path::Path;
 
-/// A joint of the robot that a log is of.
-#[derive(Clone, Debug)]
-pub struct GuessJoint {
-    /// As the robot file names it.
-    pub name: String,
-    /// Motor angle over link angle; negative if the gear reverses.
-    pub gear_ratio: f64,
-}
-
-/// How sure a guess is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Sure {
-    /// Told by nothing but custom: look at it.
-    Doubtful,
-    /// By the name or by the numbers.
-    Likely,
-    /// The name or the format says it.
-    Certain,
-}
-
-/// What a column was taken for.
-#[derive(Clone, Debug)]
-pub struct GuessedColumn {
-    /// Its name in the log.
-    pub column: String,
-    /// The robot's joint.
-    pub joint: String,
-    /// What it holds of that.
-    pub signal: Signal,
-    /// Signal over column.
-    pub scale: f64,
-    /// How sure that is.
-    pub sure: Sure,
-    /// What decided it.
-    pub why: String,
-}
-
-/// What a log's columns were taken for.
-#[derive(Clone, Debug, Default)]
-pub struct Guess {
-    /// In the order of the robot's joints.
-    pub columns: Vec<GuessedColumn>,
-    /// Columns that were left out, and why.
-    pub left_out: Vec<(String, String)>,
-    /// Whether it is known which column is the time.
-    pub has_time: bool,
-}
-
-/// Guesses what the columns of a log hold.
-///
-/// # Errors
-/// If the log cannot be read, or is a recording of ours, of which there is nothing to guess.
-pub fn guess(path: &Path, joints: &[GuessJoint]) -> Result<Guess, ReadError> {
-    let frame = sources::source(path).and_then(|source| source.frame(path, &Mapping::default()));
-    let frame = frame.map_err(|problem| ReadError {
-        path: path.to_owned(),
-        problem,
-    })?;
-    Ok(guess_frame(&frame, joints))
-}
-
-/// Guesses what the columns of a log hold that was read.
-pub(crate) fn guess_frame(frame: &Frame, joints: &[GuessJoint]) -> Guess {
-    Guesser {
-        frame,
-        joints,
-        mostly_degrees: mostly_degrees(frame, joints),
-    }
-    .guess()
-}
-
-struct Guesser<'a> {
-    frame: &'a Frame,
+/// What is known while the columns are looked at.
+pub(super) struct Guesser<'a> {
+    pub(super) frame: &'a Frame,
     joints: &'a [GuessJoint],
     mostly_degrees: bool,
 }
 
-impl Guesser<'_> {
-    fn guess(&self) -> Guess {
+impl<'a> Guesser<'a> {
+    pub(super) fn new(frame: &'a Frame, joints: &'a [GuessJoint]) -> Self {
+        Self {
+            frame,
+            joints,
+            mostly_degrees: mostly_degrees(frame, joints),
+        }
+    }
+
+    pub(super) fn guess(&self) -> Guess {
         let columns = || self.frame.columns.iter();
         let time = only_time_column(columns().map(|column| &*column.name));
         let mut guess = Guess {
@@ -260,7 +192,7 @@ impl Guesser<'_> {
         }
     }
 
-    fn joint_named(&self, name: &str) -> Option<&GuessJoint> {
+    pub(super) fn joint_named(&self, name: &str) -> Option<&GuessJoint> {
         self.joints.iter().find(|joint| joint.name == name)
     }
 
@@ -302,106 +234,6 @@ impl Guesser<'_> {
                 .get(number.checked_sub(usize::from(!from_zero))?)
         };
         numbered.or_else(counted).map(|joint| (joint, true))
-    }
-
-    /// Unit, sign and side of the gear of velocities, from their positions.
-    fn weigh_velocities(&self, columns: &mut [(usize, GuessedColumn)]) {
-        let Some(time_s) = self.times_s() else { return };
-        let positions: Vec<(String, Vec<f64>)> = columns
-            .iter()
-            .filter(|(_, found)| found.signal == Signal::LinkPositionRad)
-            .map(|(index, found)| {
-                let numbers = self.numbers(*index);
-                let scaled = numbers.iter().map(|value| value * found.scale);
-                (found.joint.clone(), scaled.collect())
-            })
-            .collect();
-        let velocities = columns
-            .iter_mut()
-            .filter(|(_, found)| found.signal == Signal::LinkVelocityRadS);
-        for (index, found) in velocities {
-            let position = positions.iter().find(|(joint, _)| *joint == found.joint);
-            let ratio = self
-                .joint_named(&found.joint)
-                .map_or(1.0, |joint| joint.gear_ratio);
-            let slope =
-                position.and_then(|(_, position)| slope(&time_s, position, &self.numbers(*index)));
-            let Some(slope) = slope.map(|slope| slope * found.scale) else {
-                continue;
-            };
-            let explained = [
-                (
-                    1.0,
-                    Signal::LinkVelocityRadS,
-                    "agrees with the position's difference",
-                ),
-                (
-                    180.0 / PI,
-                    Signal::LinkVelocityRadS,
-                    "is 57.3 times the position's difference: degrees",
-                ),
-                (
-                    30.0 / PI,
-                    Signal::LinkVelocityRadS,
-                    "is 9.55 times the position's difference: turns per minute",
-                ),
-                (
-                    ratio,
-                    Signal::MotorVelocityRadS,
-                    "is the gear ratio times the position's difference",
-                ),
-                (
-                    ratio * 30.0 / PI,
-                    Signal::MotorVelocityRadS,
-                    "is the motor's, in turns per minute, by the position's difference",
-                ),
-                (
-                    ratio * 180.0 / PI,
-                    Signal::MotorVelocityRadS,
-                    "is the motor's, in degrees, by the position's difference",
-                ),
-            ];
-            let near = |factor: f64| (slope.abs() / factor.abs() - 1.0).abs() < 0.1;
-            let Some((factor, signal, why)) =
-                explained.into_iter().find(|(factor, _, _)| near(*factor))
-            else {
-                found.sure = Sure::Doubtful;
-                let _ = write!(found.why, "; is {slope:.3} times the position's difference");
-                continue;
-            };
-            found.signal = signal;
-            let _ = write!(found.why, "; {why}");
-            // On the motor's side the velocity is the position's difference times the ratio, with its sign.
-            let side = if signal == Signal::MotorVelocityRadS {
-                ratio
-            } else {
-                1.0
-            };
-            found.scale *= side * slope.signum() / factor.abs();
-            if slope * side < 0.0 {
-                found.why.push_str(", reversed");
-            }
-        }
-    }
-
-    fn times_s(&self) -> Option<Vec<f64>> {
-        let columns = &self.frame.columns;
-        let named = columns.iter().position(|column| column.name == TIME);
-        let (time, unit) = match named {
-            Some(time) => (time, Some(UnitsPerSecond::SECONDS)),
-            None => only_time_column(columns.iter().map(|column| &*column.name))?,
-        };
-        crate::frame::times_s(&columns[time].values, unit)
-    }
-
-    fn numbers(&self, column: usize) -> Vec<f64> {
-        match &self.frame.columns[column].values {
-            Values::Numbers(values) => values.clone(),
-            Values::Integers(values) | Values::Instants(values, _) => values
-                .iter()
-                .map(|value| value.map_or(f64::NAN, |value| value as f64))
-                .collect(),
-        }
     }
 }
 
@@ -459,125 +291,4 @@ fn mostly_degrees(frame: &Frame, joints: &[GuessJoint]) -> bool {
         .collect();
     let beyond = farthest.iter().filter(|farthest| **farthest > FARTHEST_RAD);
     2 * beyond.count() > farthest.len()
-}
-
-/// Least squares of a velocity over the difference of its position; `None` if it stands still or scatters.
-fn slope(time_s: &[f64], position: &[f64], velocity: &[f64]) -> Option<f64> {
-    let (mut with, mut of, mut own) = (0.0, 0.0, 0.0);
-    for row in 1..time_s
-        .len()
-        .min(position.len())
-        .min(velocity.len())
-        .saturating_sub(1)
-    {
-        let step_s = time_s[row + 1] - time_s[row - 1];
-        let difference = (position[row + 1] - position[row - 1]) / step_s;
-        if step_s > 0.0 && difference.is_finite() && velocity[row].is_finite() {
-            with += velocity[row] * difference;
-            of += difference * difference;
-            own += velocity[row] * velocity[row];
-        }
-    }
-    // Half of the squares are of something else: nothing can be told.
-    (with * with > 0.5 * of * own && of > 0.0).then(|| with / of)
-}
-
-impl Guess {
-    /// What custom alone tells, so that somebody must look at it.
-    pub fn doubtful(&self) -> impl Iterator<Item = &GuessedColumn> {
-        let doubtful = |found: &&GuessedColumn| found.sure == Sure::Doubtful;
-        self.columns.iter().filter(doubtful)
-    }
-
-    /// What it says, as a mapping file at that path would.
-    ///
-    /// # Errors
-    /// Names what is doubtful.
-    pub(crate) fn mapping(&self, mapping_path: &Path) -> Result<Mapping, ReadProblem> {
-        let doubtful: Vec<String> = self.doubtful().map(|found| found.column.clone()).collect();
-        if let Some(first) = self.doubtful().next() {
-            let why = first.why.clone();
-            return Err(ReadProblem::Doubtful {
-                columns: doubtful,
-                why,
-            });
-        }
-        let mapping = Mapping::parse(&self.to_toml());
-        mapping.map_err(|problem| ReadProblem::Mapping {
-            mapping: mapping_path.to_owned(),
-            problem,
-        })
-    }
-
-    /// One line for each joint that something was found of.
-    #[must_use]
-    pub fn lines(&self) -> Vec<String> {
-        let mut lines: Vec<(&str, String)> = Vec::new();
-        for found in &self.columns {
-            let column = one_line(&found.column);
-            let told = match found.scale {
-                1.0 => format!("{} is `{column}`", found.signal),
-                scale => format!("{} is {scale:.6} × `{column}`", found.signal),
-            };
-            match lines.last_mut().filter(|(joint, _)| *joint == found.joint) {
-                Some((_, line)) => *line += &format!(", {told}"),
-                None => lines.push((&found.joint, told)),
-            }
-        }
-        let lines = lines.into_iter();
-        lines
-            .map(|(joint, told)| format!("{joint}: {told}"))
-            .collect()
-    }
-
-    /// The mapping file that says the same.
-    #[must_use]
-    pub fn to_toml(&self) -> String {
-        let mut text =
-            String::from("# Guessed by `flexspline recording map`. Value = scale·x + offset.\n");
-        if !self.has_time {
-            text.push_str(NO_TIME);
-        }
-        let mut joint = "";
-        for found in &self.columns {
-            if found.joint != joint {
-                joint = &found.joint;
-                let _ = writeln!(text, "\n[joint.{}]", quoted(joint));
-            }
-            let column = quoted(&found.column);
-            let value = match found.scale {
-                1.0 => column,
-                scale => format!("{{ column = {column}, scale = {scale:?} }}"),
-            };
-            let _ = writeln!(
-                text,
-                "{} = {value}   # {}: {}",
-                found.signal, found.sure, found.why
-            );
-        }
-        text
-    }
-}
-
-/// What a mapping file must be told before the log can be read.
-const NO_TIME: &str = "
-# Which column is the time is not known: take the # off one of these.
-# sample_rate_hz = 500.0
-# [columns]
-# time_s = \"…\"
-";
-
-/// As TOML writes a text.
-fn quoted(text: &str) -> String {
-    toml::Value::String(text.to_owned()).to_string()
-}
-
-impl fmt::Display for Sure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Doubtful => "doubtful",
-            Self::Likely => "likely",
-            Self::Certain => "certain",
-        })
-    }
 }
