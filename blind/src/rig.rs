@@ -259,6 +259,7 @@ fn bench(random: &mut Random) -> RobotFile {
         direction_friction: None,
         load_torque: None,
         friction_table: None,
+        torque_tables: Vec::new(),
         estimators: None,
         effects: sizes.effects(random),
     };

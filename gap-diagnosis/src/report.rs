@@ -381,27 +381,44 @@ impl Report {
             });
         }
         for joint in &report.joints {
-            joint.check()?;
+            joint.check(report.shared_share(&joint.joint))?;
         }
         Ok(report)
     }
+
+    /// What effects that several joints have take off this one's gap.
+    fn shared_share(&self, joint: &str) -> f64 {
+        let shared = self.shared_effects.iter();
+        shared
+            .filter_map(|shared| Some(shared.joint_shares.get(joint)?.share))
+            .sum()
+    }
 }
 
+/// Shares of a joint add up to 1 within this: a report may have been written with three digits of each.
+const SHARES_WITHIN: f64 = 0.01;
+
 impl JointReport {
-    fn check(&self) -> Result<(), ReportError> {
+    /// Effects that are named, minor ones too.
+    pub fn named(&self) -> impl Iterator<Item = &NamedEffect> {
+        self.effects.iter().chain(&self.minor_effects)
+    }
+
+    /// `shared_share`: what effects that several joints have take.
+    fn check(&self, shared_share: f64) -> Result<(), ReportError> {
         let wrong = |what: String, value: f64| ReportError::Value {
             joint: self.joint.clone(),
             what,
             value,
         };
-        let named = self.effects.iter().map(|e| (&e.effect, e.probability));
+        let named = self.named().map(|e| (&e.effect, e.probability));
         let tried = self.candidates.iter().map(|c| (&c.effect, c.probability));
         for (effect, probability) in named.chain(tried) {
             if !(0.0..=1.0).contains(&probability) {
                 return Err(wrong(format!("the probability of {effect}"), probability));
             }
         }
-        for effect in &self.effects {
+        for effect in self.named() {
             for (name, parameter) in &effect.parameters {
                 if !parameter.value.is_finite() {
                     return Err(wrong(
@@ -411,6 +428,129 @@ impl JointReport {
                 }
             }
         }
+        self.check_shares(shared_share, wrong)
+    }
+
+    /// Finite, and together all of the gap where shares are told at all.
+    fn check_shares(
+        &self,
+        shared_share: f64,
+        wrong: impl Fn(String, f64) -> ReportError,
+    ) -> Result<(), ReportError> {
+        let of_effects = self.named().flat_map(|effect| {
+            let interval = [effect.share, effect.share_low, effect.share_high];
+            interval.map(|share| (effect.effect.as_str(), share))
+        });
+        let others = [
+            ("what remains", self.remaining_share),
+            ("what several joints share", shared_share),
+        ];
+        for (what, share) in of_effects.chain(others) {
+            if !share.is_finite() {
+                return Err(wrong(format!("the share of {what}"), share));
+            }
+        }
+        for rest in &self.remaining_over {
+            let corners = rest.at.iter().chain(&rest.torque_nm);
+            let mut numbers = corners.chain([&rest.share]);
+            if let Some(number) = numbers.find(|number| !number.is_finite()) {
+                return Err(wrong("a number of what remains".to_owned(), *number));
+            }
+            if rest.at.len() != rest.torque_nm.len() {
+                let corners = rest.torque_nm.len() as f64;
+                return Err(wrong(
+                    "the number of torques at corners".to_owned(),
+                    corners,
+                ));
+            }
+        }
+        let named: f64 = self.named().map(|effect| effect.share).sum();
+        let sum = named + self.remaining_share + shared_share;
+        let is_told = self.remaining_share != 0.0 || self.named().any(|e| e.share != 0.0);
+        if is_told && (sum - 1.0).abs() > SHARES_WITHIN {
+            return Err(wrong("the sum of all shares".to_owned(), sum));
+        }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+
+    fn effect(name: &str, share: f64) -> Value {
+        json!({ "effect": name, "probability": 0.9, "parameters": {}, "share": share, "shrink_alone": 0.5 })
+    }
+
+    /// A report whose joint has a large and a minor effect and a rest; with the change it is read.
+    fn read(change: impl Fn(&mut Value)) -> Result<Report, String> {
+        let mut report = json!({
+            "schema": 2, "robot": "bench", "recordings": [], "samples": 1, "seconds": 1.0, "sample_rate_hz": 500.0,
+            "twin": "follows_motion", "compute_seconds": 1.0, "shared_effects": [],
+            "joints": [{
+                "joint": "elbow", "verdict": "explained", "candidates": [], "confusable": [],
+                "effects": [effect("coulomb_friction", 0.9)], "minor_effects": [effect("torque_offset", 0.01)],
+                "where": { "stage": null, "signals": [], "regimes": [], "bands": [] },
+                "gap": {
+                    "torque_rms_nm": { "before": 1.0, "after": 0.1, "noise_floor": 0.1, "held_out": true },
+                    "position_rms_rad": { "before": 0.0, "after": 0.0, "noise_floor": 0.0, "held_out": false },
+                    "shrink": 0.9, "shrink_low": 0.8, "shrink_high": 0.95
+                },
+                "remaining": "structured", "remaining_share": 0.09,
+                "remaining_over": [{ "over": "position", "share": 0.05, "at": [0.0, 1.0], "torque_nm": [0.1, 0.2] }]
+            }]
+        });
+        change(&mut report);
+        Report::from_json(&report.to_string()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn shares_that_add_up_are_read() {
+        assert!(read(|_| ()).is_ok());
+        let shared = |report: &mut Value| {
+            report["joints"][0]["remaining_share"] = json!(0.02);
+            let mut payload = effect("payload", 0.07);
+            payload["joints"] = json!(["elbow", "wrist"]);
+            payload["joint_shares"] =
+                json!({ "elbow": { "share": 0.07, "share_low": 0.0, "share_high": 0.1 } });
+            report["shared_effects"] = json!([payload]);
+        };
+        assert!(read(shared).is_ok());
+    }
+
+    #[test]
+    fn shares_that_do_not_are_refused_with_the_joint_and_the_sum() {
+        let refused = read(|report| report["joints"][0]["remaining_share"] = json!(0.5));
+        let refused = refused.unwrap_err();
+        assert!(
+            refused.contains("`elbow`: the sum of all shares is 1.41"),
+            "{refused}"
+        );
+    }
+
+    #[test]
+    fn a_report_without_shares_is_read() {
+        let none = |report: &mut Value| {
+            let joint = &mut report["joints"][0];
+            joint["remaining_share"] = json!(0.0);
+            joint["effects"][0]["share"] = json!(0.0);
+            joint["minor_effects"][0]["share"] = json!(0.0);
+        };
+        assert!(read(none).is_ok());
+    }
+
+    #[test]
+    fn minor_effects_are_looked_at_too() {
+        let refused = read(|report| {
+            report["joints"][0]["minor_effects"][0]["probability"] = json!(1.5);
+        });
+        assert!(refused.unwrap_err().contains("torque_offset is 1.5"));
+        let refused = read(|report| {
+            report["joints"][0]["remaining_over"][0]["torque_nm"] = json!([0.1]);
+        });
+        assert!(refused.unwrap_err().contains("torques at corners is 1"));
     }
 }

@@ -7,6 +7,7 @@
 pub mod filter;
 pub mod friction;
 pub mod rigid_body;
+pub mod torque_table;
 pub mod transmission;
 pub mod velocity_filter;
 pub mod velocity_observer;

@@ -139,6 +139,7 @@ fn table_friction(
         curve,
         load_torque,
         lookup,
+        tables: file.torque_tables(),
         least_nm,
         ..SteadyFriction::default()
     }

@@ -86,7 +86,8 @@ impl Joint {
         let shaft = self.servo.shaft(self.shaft_nm());
         self.state
             .advance(&self.constants, &self.now, &link, shaft, step_s);
-        self.state.joint_torque_nm - self.now.load.holding_nm(link_position_rad)
+        let load_nm = self.state.joint_torque_nm;
+        load_nm - self.now.holding_nm(link_position_rad, load_nm)
     }
 
     fn shaft_nm(&self) -> f64 {
@@ -371,7 +372,7 @@ impl Plant {
                     + joint
                         .state
                         .energy_j(&joint.constants, &joint.now, position_rad)
-                    + joint.now.load.energy_j(position_rad)
+                    + joint.now.energy_j(position_rad)
             })
             .sum();
         joints_j + chain.potential_energy_j(&self.link_position_rad)

@@ -51,6 +51,15 @@ pub fn heat(share: f64) -> RGBColor {
     )
 }
 
+/// Letters on that colour.
+pub fn on_heat(share: f64) -> RGBColor {
+    if share > 0.5 {
+        RGBColor(20, 20, 20)
+    } else {
+        RGBColor(255, 255, 255)
+    }
+}
+
 /// The heat map's scale, low to high, for a style sheet.
 pub fn heat_gradient() -> String {
     let stops: Vec<String> = HEAT.iter().map(|colour| css(*colour)).collect();

@@ -27,22 +27,29 @@ const TITLE_HEIGHT: u32 = 24;
 const X_LABELS: u32 = 42;
 /// Pixels between two ticks.
 const TICK_DISTANCE: [u32; 2] = [80, 42];
+/// Room for so many ticks there is along x in the narrowest panel: fewer may leave a single one, which tells no scale.
+const TICKS_LEAST: u32 = 4;
 
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 pub type Drawn = Result<(), Box<dyn Error>>;
 
-/// The drawing, for use inside HTML. A figure that cannot be drawn says why.
-pub fn svg(figure: &Figure) -> String {
-    let rows = figure.panels.len().div_ceil(figure.columns);
-    let size = (WIDTH * FINE, (rows as u32) * figure.panel_height * FINE);
-    let mut text = String::new();
-    let drawn = draw(
-        figure,
-        rows,
-        SVGBackend::with_string(&mut text, size).into_drawing_area(),
+/// Width of a panel in pixels, where so many stand side by side.
+pub fn panel_width(columns: usize) -> u32 {
+    WIDTH / columns.max(1) as u32
+}
+
+/// The drawing of one panel, for use inside HTML. One that cannot be drawn says why.
+pub fn svg(figure: &Figure, panel: &Panel) -> String {
+    let size = (
+        panel_width(figure.columns) * FINE,
+        figure.panel_height * FINE,
     );
+    let mut text = String::new();
+    let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
+    let drawn = draw_panel(panel, &figure.names(), &area).and_then(|()| Ok(area.present()?));
+    drop(area);
     if let Err(error) = drawn {
-        return format!("<p>This figure could not be drawn ({error:?}).</p>");
+        return format!("<p>This panel could not be drawn ({error:?}).</p>");
     }
     // Inside HTML neither the name space nor a size in pixels is wanted.
     let body = text.find('>').map_or("", |end| &text[end + 1..]);
@@ -50,16 +57,6 @@ pub fn svg(figure: &Figure) -> String {
         "<svg viewBox=\"0 0 {} {}\" role=\"img\">{body}",
         size.0, size.1
     )
-}
-
-fn draw(figure: &Figure, rows: usize, area: Area) -> Drawn {
-    let names = figure.names();
-    let cells = area.split_evenly((rows, figure.columns));
-    for (panel, cell) in figure.panels.iter().zip(&cells) {
-        draw_panel(panel, &names, cell)?;
-    }
-    area.present()?;
-    Ok(())
 }
 
 fn draw_panel(panel: &Panel, names: &[&str], cell: &Area) -> Drawn {
@@ -71,7 +68,7 @@ fn draw_panel(panel: &Panel, names: &[&str], cell: &Area) -> Drawn {
         TITLE_HEIGHT
     };
     let ticks = [
-        (width / TICK_DISTANCE[0]) as usize,
+        (width / TICK_DISTANCE[0]).max(TICKS_LEAST) as usize,
         (height / TICK_DISTANCE[1]) as usize,
     ];
     let (x_values, y_values) = marks::extents(panel);

@@ -4,6 +4,10 @@ use maud::{Markup, PreEscaped, html};
 
 use crate::{colours, draw, number};
 
+/// Part of its width to which a panel may shrink before it goes below the one before: with more, a wide page would not hold as many as
+/// it should; with less, it would hold more.
+const NARROWEST: f64 = 0.84;
+
 /// One or several panels under a common legend and above a caption.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figure {
@@ -31,7 +35,7 @@ impl Figure {
         self
     }
 
-    /// Sets panels side by side, so many in a row; 1 if not said.
+    /// Sets panels side by side, so many in a row where the page is wide enough; 1 if not said.
     #[must_use]
     pub fn columns(mut self, columns: usize) -> Self {
         self.columns = columns.max(1);
@@ -87,7 +91,11 @@ impl Figure {
                         }
                     }
                 }
-                (PreEscaped(draw::svg(self)))
+                @let narrowest_px = NARROWEST * f64::from(draw::panel_width(self.columns));
+                div class=(if self.columns == 1 { "panels wide" } else { "panels" })
+                    style={ "--narrowest:" (narrowest_px) "px" } {
+                    @for panel in &self.panels { (PreEscaped(draw::svg(self, panel))) }
+                }
                 figcaption { (self.caption) }
             }
         }
@@ -321,6 +329,7 @@ pub struct HeatMap {
     pub(crate) x_edges: Vec<f64>,
     pub(crate) y_edges: Vec<f64>,
     pub(crate) values: Vec<Vec<f64>>,
+    pub(crate) labels: Vec<Vec<String>>,
     scale: Option<[f64; 2]>,
 }
 
@@ -340,8 +349,16 @@ impl HeatMap {
             x_edges: x_edges.into_iter().collect(),
             y_edges: y_edges.into_iter().collect(),
             values,
+            labels: Vec::new(),
             scale: None,
         }
+    }
+
+    /// Writes into each cell, `labels[row][column]`.
+    #[must_use]
+    pub fn with_labels(mut self, labels: Vec<Vec<String>>) -> Self {
+        self.labels = labels;
+        self
     }
 
     /// Colours from this value to that one instead of from its own smallest to its own largest, so that maps beside each other can be

@@ -1,6 +1,7 @@
 //! What stands inside a panel's frame.
 
 use plotters::element::{Circle, DashedPathElement, PathElement, Rectangle, Text};
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, RGBColor};
 
 use crate::colours;
@@ -266,15 +267,26 @@ fn error_bar(
 fn heat_map(frame: &Frame, map: &HeatMap) -> Drawn {
     let [low, high] = map.range();
     let width = if high > low { high - low } else { 1.0 };
-    for (row, y_edges) in map.values.iter().zip(map.y_edges.windows(2)) {
-        for (value, x_edges) in row.iter().zip(map.x_edges.windows(2)) {
+    let labels = |row: usize, column: usize| map.labels.get(row)?.get(column);
+    for (row, (values, y_edges)) in map.values.iter().zip(map.y_edges.windows(2)).enumerate() {
+        for (column, (value, x_edges)) in values.iter().zip(map.x_edges.windows(2)).enumerate() {
             if value.is_finite() {
                 let corners = [
                     frame.place([x_edges[0], y_edges[0]]),
                     frame.place([x_edges[1], y_edges[1]]),
                 ];
-                let colour = colours::heat((value - low) / width);
+                let share = (value - low) / width;
+                let colour = colours::heat(share);
                 frame.area.draw(&Rectangle::new(corners, colour.filled()))?;
+                if let Some(label) = labels(row, column) {
+                    let [(left, bottom), (right, top)] = corners;
+                    let centre = ((left + right) / 2, (bottom + top) / 2);
+                    let colour = colours::on_heat(share);
+                    let style = letters(MARK_LETTERS)
+                        .color(&colour)
+                        .pos(Pos::new(HPos::Center, VPos::Center));
+                    frame.area.draw(&Text::new(label.clone(), centre, style))?;
+                }
             }
         }
     }

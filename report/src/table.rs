@@ -1,4 +1,5 @@
-//! Tables: numbers to the right, published values told from one's own by their type.
+//! Tables: numbers to the right, published values told from one's own by their type. On a narrow screen each row is a block of its
+//! own, every cell beside its column's title.
 
 use maud::{Markup, html};
 
@@ -59,7 +60,7 @@ impl Cell {
 impl Cell {
     fn html(&self, column: &Column) -> Markup {
         html! {
-            td class=[column.class()] {
+            td class=[column.class()] data-title=(column.title) {
                 @match self.class {
                     Some(class) => span class=(class) { (self.text) },
                     None => (self.text),

@@ -129,8 +129,39 @@ fn published_values_are_told_from_ones_own() {
     let html = Page::new("t", "v")
         .section(Section::new("s", "s").table(table))
         .to_html();
-    assert!(html.contains(r#"<td class="number"><span class="published">34.96</span></td>"#));
+    assert!(html.contains(
+        r#"<td class="number" data-title="b, Nm"><span class="published">34.96</span></td>"#
+    ));
     assert!(html.contains(r##"<a href="#s">s</a>"##) && html.contains(r#"<section id="s">"#));
+}
+
+#[test]
+fn panels_are_drawings_of_their_own_that_go_below_each_other_on_a_narrow_screen() {
+    let panel = || Panel::new(Axis::new("x", "m"), Axis::new("y", "m"));
+    let html = |columns| {
+        let figure = Figure::new("").panel(panel()).panel(panel());
+        let section = Section::new("s", "s").figure(figure.columns(columns));
+        Page::new("t", "v").section(section).to_html()
+    };
+    assert_eq!(html(2).matches("<svg viewBox=\"0 0 1920 ").count(), 2);
+    assert!(html(2).contains(r#"<div class="panels" style="--narrowest:403.2px">"#));
+    assert!(html(1).contains(r#"<div class="panels wide""#));
+}
+
+#[test]
+fn labels_stand_in_their_cells() {
+    let map = HeatMap::new(
+        "share",
+        "",
+        [0.0, 1.0, 2.0],
+        [0.0, 1.0],
+        vec![vec![0.1, 0.9]],
+    )
+    .with_labels(vec![vec!["10 %".to_owned(), HOSTILE.to_owned()]]);
+    let panel = Panel::new(Axis::new("x", ""), Axis::new("y", "")).heat_map(map);
+    let section = Section::new("s", "s").figure(Figure::new("").panel(panel));
+    let html = Page::new("t", "v").section(section).to_html();
+    assert!(html.contains("10 %") && !html.contains("<script"));
 }
 
 #[test]

@@ -4,11 +4,13 @@ use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
 use joint_model::friction::TERMS_MAX;
+use joint_model::torque_table::TABLES_MAX;
 
 use crate::error::{Place, RobotError};
 use crate::tolerance::PARAMETERS;
 use crate::{
     Control, ControlKind, Effect, FrictionTable, LoadTorqueRow, RobotJoint, StribeckRow, Tolerance,
+    TorqueTable,
 };
 
 /// What a number must be.
@@ -149,6 +151,7 @@ pub fn joint(place: &Place, joint: &RobotJoint) -> Result<(), RobotError> {
     if let Some(table) = &joint.friction_table {
         friction_table(place, table)?;
     }
+    torque_tables(place, &joint.torque_tables)?;
     if let Some(estimators) = &joint.estimators {
         estimators.check(place)?;
     }
@@ -181,6 +184,37 @@ fn friction_table(place: &Place, table: &FrictionTable) -> Result<(), RobotError
     Err(place.invalid(format!(
         "friction_table has {positive} points in positive_nm and {negative} in negative_nm, give both as many"
     )))
+}
+
+fn torque_tables(place: &Place, tables: &[TorqueTable]) -> Result<(), RobotError> {
+    if tables.len() > TABLES_MAX {
+        return Err(place.invalid(format!(
+            "torque_tables has {} tables, a joint takes at most {TABLES_MAX}; add up those over one variable",
+            tables.len()
+        )));
+    }
+    for (index, table) in tables.iter().enumerate() {
+        let key = |name: &str| format!("torque_tables {}: {name}", index + 1);
+        let (corners, values) = (table.at.len(), table.torque_nm.len());
+        if !TABLE_POINTS.contains(&corners) || corners != values {
+            let (least, most) = TABLE_POINTS.into_inner();
+            return Err(place.invalid(format!(
+                "{} has {corners} corners and torque_nm {values} values, give {least} to {most}, of both as many",
+                key("at")
+            )));
+        }
+        numbers(place, &key("at"), &table.at, Must::BeFinite)?;
+        numbers(place, &key("torque_nm"), &table.torque_nm, Must::BeFinite)?;
+        if let Some(pair) = table.at.windows(2).find(|pair| pair[0] >= pair[1]) {
+            return Err(place.invalid(format!(
+                "{} has {} before {}, but corners must rise",
+                key("at"),
+                pair[0],
+                pair[1]
+            )));
+        }
+    }
+    Ok(())
 }
 
 fn stribeck(place: &Place, key: &str, row: &StribeckRow) -> Result<(), RobotError> {

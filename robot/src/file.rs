@@ -8,7 +8,7 @@ use crate::error::RobotError;
 use crate::parse::parse;
 use crate::{
     Control, DirectionalFriction, Effect, EstimatorParameters, FrictionTable, LoadTorqueTable,
-    Tolerance,
+    Tolerance, TorqueTable,
 };
 
 /// A robot file, key by key. [`RobotFile::build`](crate::RobotFile::build) checks it and makes the robot.
@@ -179,6 +179,9 @@ pub struct RobotJoint {
     /// Friction over the motor angle measured per direction.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction_table: Option<FrictionTable>,
+    /// Torque that no effect has a name for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub torque_tables: Vec<TorqueTable>,
     /// Calibrated torque estimators.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimators: Option<EstimatorParameters>,
@@ -205,6 +208,7 @@ impl RobotJoint {
             direction_friction: None,
             load_torque: None,
             friction_table: None,
+            torque_tables: Vec::new(),
             estimators: None,
             effects: Vec::new(),
         }

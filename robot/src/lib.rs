@@ -48,5 +48,8 @@ pub use parse::parse as parse_toml;
 pub use published::published;
 pub use push::{Push, load_pushes};
 pub use robot::{Robot, Source, load, load_file, load_text, shipped};
-pub use table::{DirectionalFriction, FrictionTable, LoadTorqueRow, LoadTorqueTable, StribeckRow};
+pub use table::{
+    DirectionalFriction, FrictionTable, LoadTorqueRow, LoadTorqueTable, StribeckRow, TableOver,
+    TorqueTable,
+};
 pub use tolerance::{DEFAULT_TOLERANCE, Tolerance};

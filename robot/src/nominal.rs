@@ -5,7 +5,11 @@ use joint_model::friction::{
     StribeckFriction, StribeckRow, TERMS_MAX,
 };
 
-use crate::{DirectionalFriction, Effect, FrictionTable, LoadTorqueTable, RobotJoint};
+use joint_model::torque_table::{self, TorqueTables};
+
+use crate::{
+    DirectionalFriction, Effect, FrictionTable, LoadTorqueTable, RobotJoint, TableOver, TorqueTable,
+};
 
 impl RobotJoint {
     /// All friction the file knows, as torque over velocity, load and motor angle. Effects and tables add up.
@@ -14,6 +18,7 @@ impl RobotJoint {
             curve: self.direction_friction.as_ref().map(stribeck_curve),
             load_torque: self.load_torque.as_ref().map(load_torque),
             lookup: self.friction_table.as_ref().map(friction_lookup),
+            tables: self.torque_tables(),
             ..SteadyFriction::default()
         };
         for effect in &self.effects {
@@ -22,6 +27,11 @@ impl RobotJoint {
             debug_assert!(added.is_ok(), "{} terms were checked", effect.name());
         }
         friction
+    }
+
+    /// The torque that no effect has a name for.
+    pub fn torque_tables(&self) -> TorqueTables {
+        TorqueTables::new(self.torque_tables.iter().map(torque_table))
     }
 }
 
@@ -116,5 +126,18 @@ fn friction_lookup(table: &FrictionTable) -> FrictionLookup {
     FrictionLookup {
         positive_nm: table.positive_nm.as_slice().into(),
         negative_nm: table.negative_nm.as_slice().into(),
+    }
+}
+
+fn torque_table(table: &TorqueTable) -> torque_table::TorqueTable {
+    let over = match table.over {
+        TableOver::Position => torque_table::TableOver::Position,
+        TableOver::Velocity => torque_table::TableOver::Velocity,
+        TableOver::Load => torque_table::TableOver::Load,
+    };
+    torque_table::TorqueTable {
+        over,
+        at: table.at.as_slice().into(),
+        torque_nm: table.torque_nm.as_slice().into(),
     }
 }

@@ -1,5 +1,6 @@
 //! Friction and load torque of a harmonic drive as measured tables, each direction of motion on its own
-//! (Kennedy and Desai, IEEE/ASME Trans. Mechatronics 2005, "PA10-05": section IV, Tables II and V). Joint side.
+//! (Kennedy and Desai, IEEE/ASME Trans. Mechatronics 2005, "PA10-05": section IV, Tables II and V), and torque that has no
+//! name at all. Joint side.
 
 use serde::{Deserialize, Serialize};
 
@@ -69,4 +70,31 @@ pub struct FrictionTable {
     pub positive_nm: Vec<f64>,
     /// For negative joint velocity.
     pub negative_nm: Vec<f64>,
+}
+
+/// What a [`TorqueTable`] is over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TableOver {
+    /// Joint angle, rad.
+    Position,
+    /// Joint velocity, rad/s.
+    Velocity,
+    /// Torque that the gear carries, Nm.
+    Load,
+}
+
+/// Torque that no law has a name for, over one number: straight lines from corner to corner, and that of the last corner beyond it.
+///
+/// Positive where the drive has to spend more torque in the positive direction, whichever way the joint moves. As many values as
+/// corners, 2 to 4096; corners rise. Tables of a joint add up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TorqueTable {
+    /// What the corners are.
+    pub over: TableOver,
+    /// Corners.
+    pub at: Vec<f64>,
+    /// Torque at each.
+    pub torque_nm: Vec<f64>,
 }

@@ -513,6 +513,60 @@ fn an_impossible_friction_table_is_refused() {
     );
 }
 
+fn with_torque_tables(tables: &str) -> Result<Robot, RobotError> {
+    let key = "rotor_inertia_kg_m2 = 1.14e-5";
+    let text = format!("{key}\ntorque_tables = [{tables}]");
+    read(&BENCH.replacen(key, &text, 1))
+}
+
+#[test]
+fn torque_tables_are_drag_over_velocity_and_held_over_position_and_load() {
+    let robot = with_torque_tables(
+        "{ over = \"velocity\", at = [-1, 1], torque_nm = [-2.0, 4.0] }, \
+         { over = \"position\", at = [0.0, 0.5], torque_nm = [0, 3] }, \
+         { over = \"load\", at = [0.0, 8.0], torque_nm = [0, 0.8] }",
+    )
+    .unwrap();
+    let friction = robot.joints[0].steady_friction();
+    assert!((friction.fluid_drag_nm(0.5) - 1.5).abs() < 1e-12);
+    assert!((friction.tables.held_nm(0.25, 4.0) - (1.0 + 1.5 + 0.4)).abs() < 1e-12);
+    let written = toml::to_string(&robot.joints[0]).unwrap();
+    assert_eq!(
+        robot::parse_toml::<RobotJoint>(&written, "").unwrap(),
+        robot.joints[0]
+    );
+}
+
+#[test]
+fn an_impossible_torque_table_is_refused() {
+    for (table, says) in [
+        (
+            "at = [0.0, 1.0], torque_nm = [1.0]",
+            "2 corners and torque_nm 1 values",
+        ),
+        ("at = [0.0], torque_nm = [1.0]", "1 corners"),
+        (
+            "at = [0.0, 0.0], torque_nm = [1.0, 2.0]",
+            "corners must rise",
+        ),
+        (
+            "at = [0.0, inf], torque_nm = [1.0, 2.0]",
+            "must be a finite number",
+        ),
+        (
+            "at = [0.0, 1.0], torque_nm = [1.0, nan]",
+            "must be a finite number",
+        ),
+    ] {
+        let table = format!("{{ over = \"load\", {table} }}");
+        let refused = with_torque_tables(&table).unwrap_err().to_string();
+        assert_says(&refused, &["joint `shoulder`", "torque_tables 1", says]);
+    }
+    let nine = "{ over = \"load\", at = [0, 1], torque_nm = [0, 1] },".repeat(9);
+    let refused = with_torque_tables(&nine).unwrap_err().to_string();
+    assert_says(&refused, &["has 9 tables, a joint takes at most 8"]);
+}
+
 #[test]
 fn a_robot_that_is_not_there_is_looked_for_among_the_shipped_ones() {
     assert_says(

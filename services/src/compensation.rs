@@ -1,10 +1,12 @@
 //! What the robot file knows of one joint beside friction and rigid bodies, for feedforward.
 //!
-//! At the link, `gravity_torque` and `joint_spring` have to be held: `T = a·sin q + b·cos q + k·(q - q_0)`. At the shaft the
+//! At the link, `gravity_torque` and `joint_spring` have to be held, and torque that only a table knows:
+//! `T = a·sin q + b·cos q + k·(q - q_0) + t(q) + t(load) + t(ω = 0)`; what that table adds in motion is friction's. At the shaft the
 //! drive's torque `u` comes out as `g·u + T_o + N·τ_r(θ_m)` (`torque_constant_error`, `torque_offset`, `torque_ripple`), so
 //! that is undone: a ripple at the measured motor angle, as friction over the angle is. `encoder_offset` is where the joint
 //! is when its encoder says zero. Feedback is not divided by `g`: its gains are of torque as the drive has it.
 
+use joint_model::torque_table::TorqueTables;
 use robot::{Effect, RobotJoint};
 
 /// One joint's, joint side but for the motor angle.
@@ -16,6 +18,7 @@ pub struct Compensation {
     gravity_sin_nm: f64,
     gravity_cos_nm: f64,
     springs: Vec<Spring>,
+    tables: TorqueTables,
     encoder_offset_rad: f64,
 }
 
@@ -42,6 +45,7 @@ impl Compensation {
             gravity_sin_nm: 0.0,
             gravity_cos_nm: 0.0,
             springs: Vec::new(),
+            tables: joint.torque_tables(),
             encoder_offset_rad: 0.0,
         };
         for effect in &joint.effects {
@@ -84,15 +88,18 @@ impl Compensation {
         reading_rad - self.encoder_offset_rad
     }
 
-    /// Torque that holds the link against added gravity and springs.
-    pub fn holding_nm(&self, link_rad: f64) -> f64 {
+    /// Torque that holds the link against added gravity, springs and tables, beside what else it carries.
+    pub fn holding_nm(&self, link_rad: f64, load_nm: f64) -> f64 {
         let (sin, cos) = link_rad.sin_cos();
         let springs_nm: f64 = self
             .springs
             .iter()
             .map(|spring| spring.stiffness_nm_rad * (link_rad - spring.rest_rad))
             .sum();
-        self.gravity_sin_nm * sin + self.gravity_cos_nm * cos + springs_nm
+        self.gravity_sin_nm * sin
+            + self.gravity_cos_nm * cos
+            + springs_nm
+            + self.tables.held_nm(link_rad, load_nm)
     }
 
     /// What to send for this torque at the shaft.
@@ -124,7 +131,7 @@ mod tests {
     fn a_joint_without_such_effects_is_left_as_it_is() {
         let plain = joint(&[Effect::CoulombFriction { coulomb_nm: 3.0 }]);
         assert_eq!(plain.sent_nm(4.25, 1.0), 4.25);
-        assert_eq!(plain.holding_nm(0.7), 0.0);
+        assert_eq!(plain.holding_nm(0.7, 2.0), 0.0);
         assert_eq!(plain.link_rad(0.7), 0.7);
     }
 
@@ -158,9 +165,9 @@ mod tests {
             sin_nm: 2.0,
             cos_nm: -1.0,
         };
-        assert_eq!(joint(&[spring(5.0, 0.3)]).holding_nm(0.3), 0.0);
+        assert_eq!(joint(&[spring(5.0, 0.3)]).holding_nm(0.3, 2.0), 0.0);
         let all = joint(&[spring(5.0, 0.3), spring(1.0, 0.0), gravity]);
         let expected_nm = 5.0 * 0.2 + 0.5 + 2.0 * 0.5_f64.sin() - 0.5_f64.cos();
-        assert!((all.holding_nm(0.5) - expected_nm).abs() < 1e-12);
+        assert!((all.holding_nm(0.5, 2.0) - expected_nm).abs() < 1e-12);
     }
 }

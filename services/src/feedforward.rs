@@ -278,9 +278,9 @@ impl Feedforward {
             &mut self.rigid_nm[..count],
         );
         for (joint, known) in self.compensation.iter().enumerate() {
-            let holding_nm = known.holding_nm(link_rad[joint]);
-            self.gravity_nm[joint] += holding_nm;
-            self.rigid_nm[joint] += holding_nm;
+            for load_nm in [&mut self.gravity_nm[joint], &mut self.rigid_nm[joint]] {
+                *load_nm += known.holding_nm(link_rad[joint], *load_nm);
+            }
         }
     }
 

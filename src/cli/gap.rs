@@ -95,6 +95,7 @@ fn share(text: &str) -> Result<f64, String> {
 #[command(after_help = "\
 Examples:
   flexspline gap apply --report gap/report.json --robot arm.toml --out mended.toml
+  flexspline gap apply --report gap/report.json --robot arm.toml --out mended.toml --remaining
 
 Everything else in the file stays as it was written, comments included. A change of a value that the file has is added to
 that value; what was changed is printed. Feedforward, emulator and diagnosis take the new file.
@@ -109,6 +110,9 @@ pub struct GapApplyArguments {
     /// Robot file to write
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
+    /// Write what has no name too, as a torque table over the variable that holds most of it; what no table holds is told
+    #[arg(long)]
+    pub remaining: bool,
     /// Where to write the changes as JSON; - for standard output
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,

@@ -1,5 +1,7 @@
 //! `flexspline gap apply`: a robot file with the diagnosed effects in it, everything else as it was written.
 
+mod remaining;
+
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
@@ -33,6 +35,9 @@ struct Applied<'a> {
     schema: u32,
     robot_file: &'a Path,
     changes: &'a [Change],
+    /// What of the rest no table holds.
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    left_out: &'a [String],
 }
 
 /// Reads report and robot, writes the new file, tells what was changed.
@@ -52,8 +57,16 @@ pub fn apply(arguments: &GapApplyArguments) -> Result<(), CliError> {
             file.name
         )));
     }
-    let (text, changes) = with_effects(&text, &report)
-        .map_err(|reason| CliError::Input(format!("{}: {reason}", arguments.report.display())))?;
+    let refuse =
+        |reason: String| CliError::Input(format!("{}: {reason}", arguments.report.display()));
+    let (mut text, mut changes) = with_effects(&text, &report).map_err(refuse)?;
+    let mut left_out = Vec::new();
+    if arguments.remaining {
+        let rest = remaining::with_remaining(&text, &report).map_err(refuse)?;
+        text = rest.text;
+        changes.extend(rest.changes);
+        left_out = rest.left_out;
+    }
     if changes.is_empty() {
         return Err(CliError::Negative(format!(
             "{}: names no effect, so there is nothing to add",
@@ -63,7 +76,7 @@ pub fn apply(arguments: &GapApplyArguments) -> Result<(), CliError> {
     let text = with_description(text, &source, &arguments.out)?;
     check(&text, &arguments.out)?;
     write_text(&arguments.out, &text)?;
-    tell(arguments, &changes)
+    tell(arguments, &changes, &left_out)
 }
 
 /// Reads a report that somebody else may have written.
@@ -81,12 +94,17 @@ pub fn read_report(path: &Path) -> Result<Report, CliError> {
     Report::from_json(&text).map_err(|error| refuse(error.to_string()))
 }
 
-fn tell(arguments: &GapApplyArguments, changes: &[Change]) -> Result<(), CliError> {
+fn tell(
+    arguments: &GapApplyArguments,
+    changes: &[Change],
+    left_out: &[String],
+) -> Result<(), CliError> {
     if let Some(path) = &arguments.json {
         let applied = Applied {
             schema: 1,
             robot_file: &arguments.out,
             changes,
+            left_out,
         };
         write_json(&applied, path)?;
     }
@@ -97,6 +115,9 @@ fn tell(arguments: &GapApplyArguments, changes: &[Change]) -> Result<(), CliErro
     for change in changes {
         let on = change.joint.as_deref().unwrap_or("arm");
         let _ = writeln!(text, "{on}: {}: {}", change.effect, change.done);
+    }
+    for sentence in left_out {
+        let _ = writeln!(text, "{sentence}");
     }
     let _ = writeln!(text, "robot file: {}", arguments.out.display());
     print(&text)
@@ -205,23 +226,28 @@ fn rounded(value: f64) -> f64 {
     format!("{value:.*e}", DIGITS - 1).parse().unwrap_or(value)
 }
 
-fn add_to_joint(
-    document: &mut DocumentMut,
-    joint: &str,
-    effect: &Effect,
-) -> Result<Change, String> {
+/// A joint's table in the robot file.
+fn joint_table<'a>(document: &'a mut DocumentMut, joint: &str) -> Result<&'a mut Table, String> {
     let tables = document
         .get_mut("joint")
         .and_then(Item::as_array_of_tables_mut)
         .ok_or("the robot file's joints are not [[joint]] tables; write them so")?;
-    let table = tables
+    tables
         .iter_mut()
         .find(|table| table.get("name").and_then(Item::as_str) == Some(joint))
         .ok_or_else(|| {
             format!(
                 "joint `{joint}` is not in the robot file; give the robot file that was diagnosed"
             )
-        })?;
+        })
+}
+
+fn add_to_joint(
+    document: &mut DocumentMut,
+    joint: &str,
+    effect: &Effect,
+) -> Result<Change, String> {
+    let table = joint_table(document, joint)?;
     let done = match effect {
         // the file has a value of its own for it
         Effect::RotorInertia { inertia_kg_m2 } => {

@@ -5,13 +5,13 @@ use std::fs;
 use std::path::Path;
 
 use comfy_table::{Table, presets};
-use gap_diagnosis::report::{DataFinding, JointReport, NamedEffect, Report, Verdict};
+use gap_diagnosis::report::{DataFinding, JointReport, Report, Verdict};
 use gap_diagnosis::{Diagnosis, Engine, Options};
 use indicatif::{ProgressBar, ProgressStyle};
 use report::number;
 
 use super::page;
-use super::page::words::{sentence, verdict_in_words, with_value};
+use super::page::words::{sentence, verdict_in_words};
 use crate::cli::GapDiagnoseArguments;
 use crate::error::CliError;
 use crate::output::{cannot_write, print, write_json, write_text};
@@ -88,7 +88,7 @@ fn summary(report: &Report, out: Option<&Path>) -> String {
         "noise floor",
         "shrink",
     ]);
-    for joint in &report.joints {
+    for joint in page::largest_first(report) {
         rows.add_row(row(joint));
     }
     let _ = writeln!(text, "{rows}");
@@ -128,9 +128,7 @@ fn told_once(findings: &[DataFinding]) -> Vec<(&DataFinding, Vec<&str>)> {
 }
 
 fn row(joint: &JointReport) -> [String; 7] {
-    let named =
-        |found: &NamedEffect| format!("{} {} %", with_value(found), number(100.0 * found.share, 2));
-    let mut effects: Vec<String> = joint.effects.iter().map(named).collect();
+    let mut effects = page::with_shares(joint);
     let minor: Vec<&str> = joint
         .minor_effects
         .iter()

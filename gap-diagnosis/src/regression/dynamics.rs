@@ -317,9 +317,10 @@ impl Drive {
             let [sin_nm, cos_nm] = model.gravity_sin_cos_nm;
             let springs = model.springs.iter();
             let springs_nm: f64 = springs.map(|s| s.stiffness_nm_rad * (q - s.rest_rad)).sum();
-            let load_nm = rigid_nm[k] + sin_nm * q.sin() + cos_nm * q.cos() + springs_nm;
-            let motor_rad = model.gear_ratio * q;
             let friction = &model.friction;
+            let load_nm = rigid_nm[k] + sin_nm * q.sin() + cos_nm * q.cos() + springs_nm;
+            let load_nm = load_nm + friction.tables.held_nm(q, load_nm);
+            let motor_rad = model.gear_ratio * q;
             let at = Sliding {
                 load_nm,
                 motor_position_rad: motor_rad,

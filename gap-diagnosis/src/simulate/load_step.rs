@@ -50,9 +50,11 @@ impl LoadStep {
             .iter()
             .map(|spring| spring.stiffness_nm_rad * (link_rad - spring.rest_rad))
             .sum();
+        let carried_nm =
+            torque_nm + slope_nm_rad * (link_rad - position_rad) + added_nm + springs_nm;
         LinkLoad {
             inertia_kg_m2,
-            torque_nm: torque_nm + slope_nm_rad * (link_rad - position_rad) + added_nm + springs_nm,
+            torque_nm: carried_nm + model.friction.tables.held_nm(link_rad, carried_nm),
         }
     }
 }

@@ -7,6 +7,7 @@ use super::{
     LoadDependentFriction, LoadTorque, PeriodicFriction, QuadraticFriction, Sliding, StribeckCurve,
     StribeckFriction, ViscousFriction,
 };
+use crate::torque_table::TorqueTables;
 
 /// The most Stribeck or periodic terms of one joint.
 pub const TERMS_MAX: usize = 8;
@@ -20,6 +21,8 @@ pub struct SteadyFriction {
     pub load_torque: Option<LoadTorque>,
     /// Look-up table over the motor angle, where the joint has one.
     pub lookup: Option<FrictionLookup>,
+    /// What no law has a name for. Over velocity it is drag; what it holds at rest is no friction, and added where the load is.
+    pub tables: TorqueTables,
     /// What remains of the level however much an overrunning load eases the motion.
     pub least_nm: f64,
     /// Coulomb friction.
@@ -54,10 +57,11 @@ impl SteadyFriction {
             .max(0.0)
     }
 
-    /// The part that vanishes at rest by itself: viscous and quadratic drag.
+    /// The part that vanishes at rest by itself: viscous and quadratic drag, and tables over velocity.
     pub fn fluid_drag_nm(&self, velocity_rad_s: f64) -> f64 {
         self.viscous.drag_nm(velocity_rad_s)
             + self.quadratic.drag_nm(velocity_rad_s)
+            + self.tables.drag_nm(velocity_rad_s)
             + self
                 .curve
                 .map_or(0.0, |law| law.viscous_drag_nm(velocity_rad_s))
@@ -70,6 +74,7 @@ impl SteadyFriction {
         });
         self.viscous.viscous_nm_s_rad
             + self.quadratic.quadratic_nm_s2_rad2 * velocity_rad_s.abs()
+            + self.tables.drag_nm_s_rad(velocity_rad_s)
             + curve_nm_s_rad
     }
 

@@ -92,6 +92,17 @@ impl Conditions {
         }
     }
 
+    /// Torque needed to hold the link against what effects and tables add, beside what its gear carries.
+    pub fn holding_nm(&self, link_position_rad: f64, load_nm: f64) -> f64 {
+        self.load.holding_nm(link_position_rad)
+            + self.friction.tables.held_nm(link_position_rad, load_nm)
+    }
+
+    /// Energy whose slope is [`Conditions::holding_nm`] without load.
+    pub fn energy_j(&self, link_position_rad: f64) -> f64 {
+        self.load.energy_j(link_position_rad) + self.friction.tables.energy_j(link_position_rad)
+    }
+
     /// Adds an effect as strong as it is at a time; with `time_s` infinite, at its full strength.
     pub fn add(&mut self, timed: &TimedEffect, time_s: f64) -> Result<(), Full> {
         let strength = timed.strength(time_s);

@@ -185,7 +185,7 @@ impl JointBuilder<'_> {
         self.check(&full, own.rotor_inertia_kg_m2, period_s)?;
 
         let constants = self.constants(own.rotor_inertia_kg_m2, &fixed, &full);
-        let load_nm = self.gravity_nm + now.load.holding_nm(self.link_position_rad);
+        let load_nm = self.gravity_nm + now.holding_nm(self.link_position_rad, self.gravity_nm);
         let state = JointState::at_rest(&constants, &now, self.link_position_rad, load_nm);
         let motor_position_rad = state.rotor_rad * constants.gear_ratio;
         let shaft_nm = state.holding_nm(&constants, &now) / constants.gear_ratio;

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::with_effects;
 
-const ROBOT: &str = r#"# a bench
+pub const ROBOT: &str = r#"# a bench
 name = "bench"                     # its name
 
 [[link]]
@@ -27,7 +27,7 @@ effects = [
 ]
 "#;
 
-fn report(effects: Value, shared: Value) -> Report {
+pub fn report(effects: Value, shared: Value) -> Report {
     serde_json::from_value(json!({
         "schema": 2, "robot": "bench", "recordings": [], "samples": 1, "seconds": 1.0,
         "sample_rate_hz": 1500.0, "twin": "closed_loop", "compute_seconds": 1.0,

@@ -1,6 +1,8 @@
-//! The gap report for people: verdict first, then where, which, how far, what next.
+//! The gap report for people: verdict first, then which, where, what remains, how far, what next.
 
+mod effects;
 mod place;
+mod remains;
 mod traces;
 pub mod words;
 
@@ -11,28 +13,28 @@ use report::{
 };
 use robot::Robot;
 
-use words::{next_steps, sentence, unit, verdict_in_words, with_value};
+use words::{next_steps, percent, sentence, unit, verdict_in_words, with_value, words};
 
-/// Candidates that a joint's bars show.
-const CANDIDATES_MAX: usize = 8;
 /// Two-sided 95 % of the normal distribution.
 const Z95: f64 = 1.96;
 
 /// The whole page.
 pub fn page(robot: &Robot, diagnosis: &Diagnosis) -> Page {
     let report = &diagnosis.report;
-    Page::new(
-        format!("Sim-to-real gap of {}", report.robot),
-        sentence(report),
-    )
-    .section(arm(robot, report))
-    .section(place::section(report))
-    .section(traces::section(report, &diagnosis.traces))
-    .section(probabilities(report))
-    .section(parameters(report))
-    .section(shrink(report))
-    .section(Section::new("next", "What to do next").list(next_steps(report)))
-    .section(data(report))
+    let sections = [
+        arm(robot, report),
+        effects::section(report),
+        traces::section(report, &diagnosis.traces),
+        place::section(report),
+        remains::section(report),
+        parameters(report),
+        shrink(report),
+        Section::new("next", "What to do next").list(next_steps(report)),
+        data(report),
+    ];
+    let title = format!("Sim-to-real gap of {}", report.robot);
+    let page = Page::new(title, sentence(report));
+    sections.into_iter().fold(page, Page::section)
 }
 
 /// Rms of the gap over that of the noise, as the torque shows it.
@@ -50,8 +52,57 @@ fn with_gap(report: &Report) -> impl Iterator<Item = &JointReport> {
         .filter(|joint| !matches!(joint.verdict, Verdict::NoGap | Verdict::InsufficientData))
 }
 
-/// The arm at zero, seen from the side on which it is widest.
+/// Joints, the largest gap first.
+pub fn largest_first(report: &Report) -> Vec<&JointReport> {
+    let mut joints: Vec<&JointReport> = report.joints.iter().collect();
+    let before_nm = |joint: &JointReport| joint.gap.torque_rms_nm.before;
+    joints.sort_by(|a, b| before_nm(b).total_cmp(&before_nm(a)));
+    joints
+}
+
+/// A line a joint, and of an arm a picture.
 fn arm(robot: &Robot, report: &Report) -> Section {
+    let mut table = Table::new(
+        "Every joint, the largest gap first",
+        [
+            Column::text("joint"),
+            Column::text("verdict"),
+            Column::text("effects, share of the gap"),
+            Column::number("no name, %"),
+            Column::number("gap, Nm rms"),
+            Column::number("after"),
+            Column::text("why"),
+        ],
+    );
+    for joint in largest_first(report) {
+        let is_told = !matches!(joint.verdict, Verdict::NoGap | Verdict::InsufficientData);
+        let torque = &joint.gap.torque_rms_nm;
+        let told = |text: String| if is_told { text } else { String::new() };
+        table.row([
+            joint.joint.clone().into(),
+            Cell::strong(verdict_in_words(joint.verdict)),
+            with_shares(joint).join(", ").into(),
+            told(percent(joint.remaining_share)).into(),
+            told(number(torque.before, 3)).into(),
+            told(number(torque.after, 3)).into(),
+            joint.reason.clone().into(),
+        ]);
+    }
+    let section = Section::new("arm", "The robot").table(table);
+    if report.joints.len() < 2 {
+        return section;
+    }
+    section.chain(picture(robot, report))
+}
+
+/// A joint's effects, each with its share.
+pub fn with_shares(joint: &JointReport) -> Vec<String> {
+    let told = |found| format!("{} ({} %)", with_value(found), percent(found.share));
+    joint.effects.iter().map(told).collect()
+}
+
+/// The arm at zero, seen from the side on which it is widest.
+fn picture(robot: &Robot, report: &Report) -> Chain {
     let zero = vec![0.0; robot.joints.len()];
     let frames_m: Vec<[f64; 3]> = (0..robot.joints.len())
         .map(|joint| {
@@ -71,114 +122,22 @@ fn arm(robot: &Robot, report: &Report) -> Section {
     let across = if width(1) > width(0) { 1 } else { 0 };
     let flat = |frame: [f64; 3]| [frame[across], frame[2]];
     let nodes = report.joints.iter().zip(&frames_m).map(|(joint, frame)| {
-        let ratio = gap_to_noise(joint);
-        let told = ratio.map_or(String::new(), |ratio| {
-            format!(", {} × noise", number(ratio, 2))
-        });
+        let before_nm =
+            (joint.verdict != Verdict::InsufficientData).then_some(joint.gap.torque_rms_nm.before);
+        let told = before_nm.map_or(String::new(), |nm| format!(", {} Nm", number(nm, 3)));
         Node {
             label: format!("{}: {}{told}", joint.joint, verdict_in_words(joint.verdict)),
             place: flat(*frame),
-            value: ratio,
+            value: before_nm,
         }
     });
     let end = frames_m.last().copied().map_or([0.0; 2], flat);
-    let mut table = Table::new(
-        "Every joint, the largest gap first",
-        [
-            Column::text("joint"),
-            Column::text("verdict"),
-            Column::text("effects, share of the gap"),
-            Column::text("torque rms, Nm"),
-            Column::text("why"),
-        ],
-    );
-    let mut largest: Vec<&JointReport> = report.joints.iter().collect();
-    largest.sort_by(|a, b| {
-        let before = |joint: &JointReport| joint.gap.torque_rms_nm.before;
-        before(b).total_cmp(&before(a))
-    });
-    for joint in largest {
-        let effects: Vec<String> = joint
-            .effects
-            .iter()
-            .map(|found| {
-                format!(
-                    "{} ({} %)",
-                    with_value(found),
-                    number(100.0 * found.share, 2)
-                )
-            })
-            .collect();
-        let torque = &joint.gap.torque_rms_nm;
-        table.row([
-            joint.joint.clone().into(),
-            Cell::strong(verdict_in_words(joint.verdict)),
-            effects.join(", ").into(),
-            format!("{} → {}", number(torque.before, 3), number(torque.after, 3)).into(),
-            joint.reason.clone().into(),
-        ]);
-    }
-    Section::new("arm", "The robot")
-        .chain(Chain::new(
-            "The arm at joint angle zero. Colour: rms of the gap in torque over that of the noise.",
-            "gap over noise",
-            nodes,
-            end,
-        ))
-        .table(table)
-}
-
-fn probabilities(report: &Report) -> Section {
-    let mut section = Section::new("which", "Which effect").paragraph(
-        "Probabilities are calibrated: of the statements made with 0.9, nine in ten are right. `none`: no gap; `unknown`: an effect on no list.",
-    );
-    for joint in with_gap(report) {
-        let shown = || joint.candidates.iter().take(CANDIDATES_MAX).rev();
-        let panel = Panel::new(
-            Axis::new("probability", "").range(0.0, 1.0),
-            Axis::categories("", shown().map(|candidate| candidate.effect.as_str())),
-        )
-        .series(Series::bars(
-            "",
-            shown().map(|candidate| candidate.probability),
-        ));
-        let height = (26 * shown().count() + 70) as u32;
-        let figure = Figure::new(format!("{}: candidates", joint.joint))
-            .panel(panel)
-            .columns(1)
-            .panel_height(height);
-        section = section.figure(figure);
-    }
-    let mut table = Table::new(
-        "Explanations that this data cannot tell apart",
-        [
-            Column::text("joint"),
-            Column::text("one"),
-            Column::text("other"),
-            Column::number("distance d²"),
-            Column::text("because"),
-        ],
-    );
-    let mut pairs = 0;
-    for joint in &report.joints {
-        for pair in &joint.confusable {
-            pairs += 1;
-            let [one, other] = &pair.effects;
-            table.row([
-                joint.joint.clone().into(),
-                one.clone().into(),
-                other.clone().into(),
-                number(pair.distance, 2).into(),
-                pair.reason.clone().into(),
-            ]);
-        }
-    }
-    table.note("d²: how far, in noise units, the one is from being imitated by the other; below 9 nobody can tell them apart.");
-    if pairs == 0 {
-        return section
-            .paragraph("No two explanations were found that this data could not tell apart.");
-    }
-    section.table(table)
+    Chain::new(
+        "The arm at joint angle zero. Colour: rms of the gap in torque.",
+        "gap, Nm rms",
+        nodes,
+        end,
+    )
 }
 
 fn parameters(report: &Report) -> Section {
@@ -208,10 +167,10 @@ fn parameters(report: &Report) -> Section {
             let [low, high] = [parameter.value - half, parameter.value + half];
             table.row([
                 joint.clone().into(),
-                found.effect.clone().into(),
+                words(&found.effect).into(),
                 name.clone().into(),
                 number(parameter.value, 4).into(),
-                format!("{} to {}", number(low, 3), number(high, 3)).into(),
+                format!("{} to {}", number(low, 4), number(high, 4)).into(),
                 unit(name).into(),
                 if parameter.at_bound {
                     "on the limit of what was searched: a finding, not a value"
@@ -227,62 +186,49 @@ fn parameters(report: &Report) -> Section {
 
 /// Before, after and noise floor on data that nothing was fitted to.
 fn shrink(report: &Report) -> Section {
-    let names: Vec<&str> = report
-        .joints
-        .iter()
-        .map(|joint| joint.joint.as_str())
-        .collect();
-    let bars = |of: fn(&JointReport) -> f64| report.joints.iter().map(of).collect::<Vec<f64>>();
-    let torque = Panel::new(
-        Axis::categories("", names.clone()),
-        Axis::new("torque rms", "Nm"),
-    )
-    .series(Series::bars(
-        "before",
-        bars(|joint| joint.gap.torque_rms_nm.before),
-    ))
-    .series(Series::bars(
-        "after",
-        bars(|joint| joint.gap.torque_rms_nm.after),
-    ))
-    .series(Series::bars(
-        "noise floor",
-        bars(|joint| joint.gap.torque_rms_nm.noise_floor),
-    ));
-    let position = Panel::new(
-        Axis::categories("", names),
-        Axis::new("position rms", "mrad"),
-    )
-    .series(Series::bars(
-        "before",
-        bars(|joint| 1e3 * joint.gap.position_rms_rad.before),
-    ))
-    .series(Series::bars(
-        "after",
-        bars(|joint| 1e3 * joint.gap.position_rms_rad.after),
-    ))
-    .series(Series::bars(
-        "noise floor",
-        bars(|joint| 1e3 * joint.gap.position_rms_rad.noise_floor),
-    ));
+    let sizes: [(&str, &str, fn(&JointReport) -> [f64; 3]); 2] = [
+        ("torque rms", "Nm", |joint| {
+            let rms = &joint.gap.torque_rms_nm;
+            [rms.before, rms.after, rms.noise_floor]
+        }),
+        ("position rms", "mrad", |joint| {
+            let rms = &joint.gap.position_rms_rad;
+            [rms.before, rms.after, rms.noise_floor].map(|rad| 1e3 * rad)
+        }),
+    ];
+    let names = || report.joints.iter().map(|joint| joint.joint.as_str());
+    let panels = sizes.into_iter().filter_map(|(quantity, unit, of)| {
+        let all: Vec<[f64; 3]> = report.joints.iter().map(of).collect();
+        // along the recorded motion no position is simulated
+        all.iter().flatten().any(|size| *size > 0.0).then(|| {
+            let panel = Panel::new(Axis::categories("", names()), Axis::new(quantity, unit));
+            let names = ["before", "after", "noise floor"].into_iter().enumerate();
+            names.fold(panel, |panel, (place, name)| {
+                panel.series(Series::bars(name, all.iter().map(|sizes| sizes[place])))
+            })
+        })
+    });
+    let panels: Vec<Panel> = panels.collect();
     let mut table = Table::new(
         "Shrink of the gap in torque",
         [
             Column::text("joint"),
+            Column::number("rms before, Nm"),
+            Column::number("after, Nm"),
+            Column::number("noise floor, Nm"),
             Column::number("shrink"),
             Column::number("95 % interval"),
             Column::text("judged on"),
-            Column::text("what is left"),
         ],
     );
     for joint in with_gap(report) {
         let gap = &joint.gap;
-        let left = match joint.remaining {
-            gap_diagnosis::report::Remaining::White => "nothing that a model could use",
-            gap_diagnosis::report::Remaining::Structured => "structure",
-        };
+        let torque = &gap.torque_rms_nm;
         table.row([
             joint.joint.clone().into(),
+            number(torque.before, 3).into(),
+            number(torque.after, 3).into(),
+            number(torque.noise_floor, 3).into(),
             Cell::strong(number(gap.shrink, 3)),
             format!(
                 "{} to {}",
@@ -290,23 +236,23 @@ fn shrink(report: &Report) -> Section {
                 number(gap.shrink_high, 3)
             )
             .into(),
-            if gap.torque_rms_nm.held_out {
+            if torque.held_out {
                 "held-out data"
             } else {
                 "the data fitted to"
             }
             .into(),
-            left.into(),
         ]);
     }
     table.note("Shrink: 1 - (V_after - V_noise)/(V_before - V_noise), V the mean square of the torque that nobody explains.");
-    Section::new("shrink", "How far the gap shrinks")
-        .figure(
-            Figure::new("Gap before and after the effects are added, and what noise alone leaves")
-                .panel(torque)
-                .panel(position)
-                .columns(2),
-        )
+    let section = Section::new("shrink", "How far the gap shrinks");
+    if panels.is_empty() {
+        return section.table(table);
+    }
+    let caption = "Gap before and after the effects are added, and what noise alone leaves";
+    let figure = Figure::new(caption).columns(2).panel_height(240);
+    section
+        .figure(panels.into_iter().fold(figure, Figure::panel))
         .table(table)
 }
 

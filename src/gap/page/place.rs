@@ -1,10 +1,13 @@
-//! Where simulation and robot part: by stage, signal, regime and frequency.
+//! Where simulation and robot part: by stage, signal, range and frequency.
 
-use gap_diagnosis::report::{JointReport, Report};
+use std::collections::BTreeMap;
+
+use gap_diagnosis::report::{JointReport, Regime, Report};
 use gap_diagnosis::stage::Stage;
-use report::{Axis, Column, Figure, HeatMap, Panel, Section, Table, number};
+use report::{Axis, Column, Figure, HeatMap, Panel, Section, Series, Table, number};
 
 use super::with_gap;
+use super::words::{percent, signal_axis};
 
 const STAGES: [(Stage, &str); 5] = [
     (Stage::Actuator, "actuator"),
@@ -14,7 +17,13 @@ const STAGES: [(Stage, &str); 5] = [
     (Stage::Timing, "timing"),
 ];
 
-/// Heat maps of all joints that have a gap.
+/// Values of a variable that all lie within this are one value, in whatever unit: no joint's load, angle or time is that small.
+const ONE_VALUE: f64 = 1e-6;
+/// Ranges and bands in a row.
+const PANELS: usize = 5;
+const PANEL_HEIGHT: u32 = 170;
+
+/// Of all joints that have a gap.
 pub fn section(report: &Report) -> Section {
     let joints: Vec<&JointReport> = with_gap(report).collect();
     let section = Section::new("where", "Where they part");
@@ -38,97 +47,125 @@ pub fn section(report: &Report) -> Section {
             ]);
         }
     }
-    let mut section = section.figure(stages(&joints)).table(signals);
-    let regimes = regimes(&joints);
-    if let Some(figure) = regimes {
-        section = section.figure(figure);
-    }
-    section
-}
-
-fn rows_of(joints: &[&JointReport]) -> Axis {
-    Axis::categories("", joints.iter().map(|joint| joint.joint.as_str()))
+    let section = section
+        .figure(stages(report, &joints))
+        .table(signals)
+        .paragraph(
+            "Below: which part of the gap lies in which range. Each range of a variable holds as many rows as the others; the grey line \
+             is an even spread, and what stands above it is where the gap is.",
+        );
+    joints.iter().fold(section, |section, joint| {
+        let figure = ranges(joint);
+        match figure {
+            Some(figure) => section.figure(figure),
+            None => section,
+        }
+    })
 }
 
 fn edges(count: usize) -> impl Iterator<Item = f64> {
     (0..=count).map(|edge| edge as f64 - 0.5)
 }
 
-fn height(joints: usize) -> u32 {
-    (30 * joints + 110) as u32
+/// Shares of the named effects, stage by stage.
+fn shares(report: &Report, joint: &JointReport) -> BTreeMap<Stage, f64> {
+    let own = joint
+        .effects
+        .iter()
+        .map(|found| (&found.effect, found.share));
+    let shared = report.shared_effects.iter().filter_map(|shared| {
+        let of_joint = shared.joint_shares.get(&joint.joint)?;
+        Some((&shared.effect.effect, of_joint.share))
+    });
+    let mut shares = BTreeMap::new();
+    for (effect, share) in own.chain(shared) {
+        *shares.entry(Stage::of(effect)).or_default() += share;
+    }
+    shares
 }
 
-fn stages(joints: &[&JointReport]) -> Figure {
+fn stages(report: &Report, joints: &[&JointReport]) -> Figure {
+    let names = STAGES
+        .map(|(_, name)| name)
+        .into_iter()
+        .chain(["without a name"]);
     let of_joint = |joint: &&JointReport| {
-        let of_stage = |(stage, _): &(Stage, &str)| {
-            let certain = f64::from(u8::from(joint.place.stage == Some(*stage)));
-            joint.place.stages.get(stage).copied().unwrap_or(certain)
-        };
-        STAGES.iter().map(of_stage).collect::<Vec<f64>>()
+        let shares = shares(report, joint);
+        let named = STAGES.map(|(stage, _)| shares.get(&stage).copied().unwrap_or(0.0));
+        let all = named.into_iter().chain([joint.remaining_share]);
+        all.collect::<Vec<f64>>()
     };
+    let values: Vec<Vec<f64>> = joints.iter().map(of_joint).collect();
+    let label = |share: &f64| format!("{} %", percent(*share));
+    let labels = values.iter().map(|row| row.iter().map(label).collect());
+    let labels = labels.collect();
     let map = HeatMap::new(
-        "probability",
+        "share of the gap",
         "",
-        edges(STAGES.len()),
+        edges(STAGES.len() + 1),
         edges(joints.len()),
-        joints.iter().map(of_joint).collect(),
+        values,
     );
     let panel = Panel::new(
-        Axis::categories("", STAGES.map(|(_, name)| name)),
-        rows_of(joints),
+        Axis::categories("", names),
+        Axis::categories("", joints.iter().map(|joint| joint.joint.as_str())),
     )
-    .heat_map(map);
-    Figure::new("Stage that the gap comes from")
+    .heat_map(map.on_scale(0.0, 1.0).with_labels(labels));
+    Figure::new("Share of each joint's gap that its named effects take, by the stage they act in; minor effects left out")
         .panel(panel)
-        .columns(1)
-        .panel_height(height(joints.len()))
+        .panel_height((30 * joints.len() + 80) as u32)
 }
 
-/// One map for each variable and one for frequency; ranges from low to high. Each joint has its own.
-fn regimes(joints: &[&JointReport]) -> Option<Figure> {
-    let mut variables: Vec<&str> = Vec::new();
-    for regime in joints.iter().flat_map(|joint| &joint.place.regimes) {
-        if !variables.contains(&regime.variable.as_str()) {
-            variables.push(&regime.variable);
+/// A joint's shares over each variable and over frequency, with values and units.
+fn ranges(joint: &JointReport) -> Option<Figure> {
+    let mut variables: Vec<(&str, Vec<[f64; 3]>)> = Vec::new();
+    for Regime {
+        variable,
+        from,
+        to,
+        share,
+    } in &joint.place.regimes
+    {
+        let range = [*from, *to, *share];
+        match variables.iter_mut().find(|(known, _)| known == variable) {
+            Some((_, ranges)) => ranges.push(range),
+            None => variables.push((variable, vec![range])),
         }
     }
-    let mut figure = Figure::new(
-        "Shares of the gap's energy above the noise floor. Ranges run from the lowest to the highest value that the joint has \
-         in the recordings; the last map is over frequency",
-    )
-    .columns(2)
-    .panel_height(height(joints.len()));
-    let mut panels = 0;
-    let shares = variables.iter().map(|variable| {
-        let of_joint = |joint: &&JointReport| {
-            let regimes = joint.place.regimes.iter();
-            let own = regimes.filter(|regime| regime.variable == *variable);
-            own.map(|regime| regime.share).collect::<Vec<f64>>()
-        };
-        (*variable, joints.iter().map(of_joint).collect::<Vec<_>>())
-    });
-    let of_bands = |joint: &&JointReport| {
-        let bands = joint.place.bands.iter();
-        bands.map(|band| band.share).collect::<Vec<f64>>()
+    let even = |ranges: &[[f64; 3]]| 1.0 / ranges.len().max(1) as f64;
+    let mut panels: Vec<Panel> = Vec::new();
+    let is_range = |ranges: &[[f64; 3]]| {
+        let ends = ranges.first().zip(ranges.last());
+        ends.is_some_and(|(first, last)| last[1] - first[0] > ONE_VALUE)
     };
-    let bands = ("frequency, Hz", joints.iter().map(of_bands).collect());
-    let all: Vec<(&str, Vec<Vec<f64>>)> = shares.chain([bands]).collect();
-    let every_share = all.iter().flat_map(|(_, values)| values.iter().flatten());
-    let largest = every_share.copied().fold(0.0, f64::max);
-    for (name, values) in all {
-        let columns = values.iter().map(Vec::len).max().unwrap_or(0);
-        if columns == 0 {
-            continue;
-        }
-        panels += 1;
-        let map = HeatMap::new("share", "", edges(columns), edges(joints.len()), values)
-            .on_scale(0.0, largest);
-        let numbers = (1..=columns).map(|range| range.to_string());
-        let panel = Panel::new(
-            Axis::categories("range, low to high", numbers),
-            rows_of(joints),
-        );
-        figure = figure.panel(panel.title(name).heat_map(map));
+    for (variable, ranges) in variables.iter().filter(|(_, ranges)| is_range(ranges)) {
+        let (quantity, unit) = signal_axis(variable);
+        let panel = steps(Axis::new(quantity, unit), ranges);
+        panels.push(panel.horizontal(100.0 * even(ranges), ""));
     }
-    (panels > 0).then_some(figure)
+    let bands = joint.place.bands.iter();
+    let bands: Vec<[f64; 3]> = bands.map(|b| [b.from_hz, b.to_hz, b.share]).collect();
+    if !bands.is_empty() {
+        panels.push(steps(Axis::new("frequency", "Hz"), &bands));
+    }
+    if panels.is_empty() {
+        return None;
+    }
+    let caption = format!("{}: share of the gap in each range, %", joint.joint);
+    let figure = Figure::new(caption)
+        .columns(PANELS)
+        .panel_height(PANEL_HEIGHT);
+    Some(panels.into_iter().fold(figure, Figure::panel))
+}
+
+/// A step for each range, up to its share.
+fn steps(x: Axis, ranges: &[[f64; 3]]) -> Panel {
+    let corners = ranges.iter().flat_map(|[from, to, share]| {
+        let percent = 100.0 * share;
+        [[*from, percent], [*to, percent]]
+    });
+    let ends = [ranges.first().map(|r| r[0]), ranges.last().map(|r| r[1])];
+    let [first, last] = ends.map(|end| end.map(|at| [at, 0.0]));
+    let line = first.into_iter().chain(corners).chain(last);
+    Panel::new(x, Axis::new("", "")).series(Series::line("", line))
 }

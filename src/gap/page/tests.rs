@@ -59,11 +59,11 @@ fn traces() -> Vec<JointTraces> {
 fn the_page_says_verdict_values_and_next_steps_without_network_or_script() {
     let html = html("explained", traces());
     for told in [
-        "Coulomb friction 0.800 Nm takes 96 % of the gap",
-        "0.702 to 0.898",
+        "joint1 has a gap of 0.900 Nm rms: Coulomb friction 0.80 Nm takes 96 % of it",
+        "0.7020 to 0.8980",
         "flexspline gap apply",
         "one speed",
-        "with the effects",
+        "robot file with the effects",
         "&lt;run&gt;.mcap",
     ] {
         assert!(html.contains(told), "{told}");

@@ -8,8 +8,13 @@ use super::with_gap;
 
 /// Length of what is shown.
 const SHOWN_S: f64 = 3.0;
+const PANEL_HEIGHT: u32 = 280;
+const MEASURED: &str = "measured";
+const WITH_EFFECTS: &str = "robot file with the effects";
 /// Points of a cloud at most: more hide one another.
 const POINTS: usize = 1500;
+/// Points of what the model says, drawn above it: few enough that the cloud shows between them.
+const MODEL_POINTS: usize = 200;
 
 /// The worst seconds of every joint that has a gap.
 pub fn section(report: &Report, traces: &[JointTraces]) -> Section {
@@ -17,43 +22,52 @@ pub fn section(report: &Report, traces: &[JointTraces]) -> Section {
         "Disturbance torque: what is left of the drive's torque when that of the rigid robot is taken off.",
     );
     for joint in with_gap(report) {
-        let of_joint = traces.iter().find(|traces| traces.joint == joint.joint);
-        if let Some(figure) = of_joint.and_then(over_motion) {
-            section = section.figure(figure);
+        let Some(of_joint) = traces.iter().find(|traces| traces.joint == joint.joint) else {
+            continue;
+        };
+        let panels: Vec<Panel> = over_motion(of_joint)
+            .into_iter()
+            .chain(over_time(of_joint))
+            .collect();
+        if panels.is_empty() {
+            continue;
         }
-        if let Some(figure) = of_joint.and_then(figure) {
-            section = section.figure(figure);
-        }
+        let caption = format!(
+            "{}: torque over velocity, over position, and in the seconds in which the gap is largest",
+            joint.joint
+        );
+        let figure = Figure::new(caption)
+            .columns(panels.len())
+            .panel_height(PANEL_HEIGHT);
+        section = section.figure(panels.into_iter().fold(figure, Figure::panel));
     }
     section
 }
 
 /// Disturbance torque over velocity and over position, as measured and by the robot file with the effects.
-fn over_motion(traces: &JointTraces) -> Option<Figure> {
+fn over_motion(traces: &JointTraces) -> Vec<Panel> {
     if traces.velocity_rad_s.is_empty() {
-        return None;
+        return Vec::new();
     }
-    let every = traces.velocity_rad_s.len().div_ceil(POINTS).max(1);
-    let cloud = |over: &[f64], torque_nm: &[f64]| -> Vec<[f64; 2]> {
+    let cloud = |over: &[f64], torque_nm: &[f64], points: usize| -> Vec<[f64; 2]> {
+        let every = over.len().div_ceil(points).max(1);
         let both = over.iter().zip(torque_nm).step_by(every);
         both.map(|(x, y)| [*x, *y]).collect()
     };
     let panel = |name: &str, unit: &str, over: &[f64]| {
+        let measured = cloud(over, &traces.measured_nm, POINTS);
+        let modelled = cloud(over, &traces.augmented_nm, MODEL_POINTS);
         Panel::new(Axis::new(name, unit), Axis::new("disturbance torque", "Nm"))
-            .series(Series::points("measured", cloud(over, &traces.measured_nm)))
-            .series(Series::points(
-                "robot file with the effects",
-                cloud(over, &traces.augmented_nm),
-            ))
+            .series(Series::points(MEASURED, measured))
+            .series(Series::points(WITH_EFFECTS, modelled))
     };
-    let caption = format!("{}: torque over velocity and over position", traces.joint);
-    let figure = Figure::new(caption)
-        .panel(panel("velocity", "rad/s", &traces.velocity_rad_s))
-        .panel(panel("position", "rad", &traces.position_rad));
-    Some(figure.columns(2))
+    vec![
+        panel("velocity", "rad/s", &traces.velocity_rad_s),
+        panel("position", "rad", &traces.position_rad),
+    ]
 }
 
-fn figure(traces: &JointTraces) -> Option<Figure> {
+fn over_time(traces: &JointTraces) -> Option<Panel> {
     let (from, to) = worst(traces)?;
     let line = |values: &[f64]| -> Vec<[f64; 2]> {
         let times = traces.time_s.get(from..to).unwrap_or_default();
@@ -64,11 +78,10 @@ fn figure(traces: &JointTraces) -> Option<Figure> {
         Axis::new("time", "s"),
         Axis::new("disturbance torque", "Nm"),
     )
-    .series(Series::line("measured", line(&traces.measured_nm)))
-    .series(Series::line("robot file", line(&traces.nominal_nm)))
-    .series(Series::line("with the effects", line(&traces.augmented_nm)));
-    let caption = format!("{}: the seconds in which the gap is largest", traces.joint);
-    Some(Figure::new(caption).panel(panel).columns(1))
+    .series(Series::line(MEASURED, line(&traces.measured_nm)))
+    .series(Series::dashed(WITH_EFFECTS, line(&traces.augmented_nm)))
+    .series(Series::line("robot file", line(&traces.nominal_nm)));
+    Some(panel)
 }
 
 /// The stretch of [`SHOWN_S`] with the largest mean square between measured and nominal.

@@ -1,11 +1,11 @@
 //! The report in sentences.
 
 use gap_diagnosis::report::{
-    JointReport, NamedEffect, Remains, Report, SharedEffect, TwinKind, Verdict,
+    BeforeAfter, JointReport, NamedEffect, Remains, Report, SharedEffect, TwinKind, Verdict,
 };
 use report::number;
 
-use super::{gap_to_noise, with_gap};
+use super::{gap_to_noise, largest_first, with_gap};
 
 /// The verdict on the whole robot.
 pub fn sentence(report: &Report) -> String {
@@ -41,73 +41,113 @@ fn shared_sentence(shared: &SharedEffect) -> String {
     format!("{} acts on {on}", with_value(&shared.effect))
 }
 
-/// Which joint and effect hold most, and what that is worth; the rest is in the table.
+/// Which joint and effect hold most, and what all that is named is worth; the rest is in the table.
 fn arm_sentence(report: &Report, flagged: &[&JointReport]) -> String {
-    let before_nm = |joint: &JointReport| joint.gap.torque_rms_nm.before;
-    let largest = flagged
-        .iter()
-        .max_by(|a, b| before_nm(a).total_cmp(&before_nm(b)));
-    let Some(largest) = largest else {
+    let Some(largest) = largest_first(report).into_iter().next() else {
         return String::new();
     };
     let most = largest.effects.first().map_or_else(
-        || "no effect on the list accounts for it".to_owned(),
-        |found| format!("{} is {} % of it", with_value(found), percent(found.share)),
+        || "for which no effect on the list accounts".to_owned(),
+        |found| {
+            format!(
+                "of which {} is {} %",
+                with_value(found),
+                percent(found.share)
+            )
+        },
     );
+    let rms_nm = |of: fn(&BeforeAfter) -> f64| {
+        let squares = flagged
+            .iter()
+            .map(|joint| of(&joint.gap.torque_rms_nm).powi(2));
+        number(squares.sum::<f64>().sqrt(), 3)
+    };
     format!(
-        "{} of {} joints have a gap, the largest {}, {} Nm rms: {most}",
+        "{} of {} joints have a gap, the largest {} with {} Nm rms, {most}; what is named brings the arm's from {} to {} Nm rms",
         flagged.len(),
         report.joints.len(),
         largest.joint,
-        number(before_nm(largest), 3),
+        number(largest.gap.torque_rms_nm.before, 3),
+        rms_nm(|rms| rms.before),
+        rms_nm(|rms| rms.after),
     )
 }
 
 fn joint_sentence(joint: &JointReport) -> String {
     let effects: Vec<String> = joint.effects.iter().map(with_value).collect();
-    let (is, takes) = if effects.len() == 1 {
+    let (are, take) = if effects.len() == 1 {
         ("is", "takes")
     } else {
         ("are", "take")
     };
-    let effects = effects.join(" and ");
-    let name = &joint.joint;
+    let effects = listed(&effects);
+    let gap = format!(
+        "{} has a gap of {} Nm rms",
+        joint.joint,
+        number(joint.gap.torque_rms_nm.before, 3)
+    );
     let taken: f64 = joint.effects.iter().map(|found| found.share).sum();
-    let remains = joint.remaining_over.first().map_or(String::new(), |over| {
-        format!(", over {}", variable(over.over))
-    });
+    let takes = format!("{effects} {take} {} % of it", percent(taken));
     match joint.verdict {
         Verdict::Explained if effects.is_empty() => {
-            format!("{name}: the gap is explained by what acts on several joints")
+            format!("{gap}, explained by what acts on several joints")
         }
-        Verdict::Explained if taken >= ALL => format!("{name}: {effects} {is} all of the gap"),
-        Verdict::Explained => format!("{name}: {effects} {takes} {} % of the gap", percent(taken)),
+        Verdict::Explained if taken >= ALL => format!("{gap}: {effects} {are} all of it"),
+        Verdict::Explained => format!("{gap}: {takes}"),
         Verdict::PartlyExplained => format!(
-            "{name}: {effects} {takes} {} % of the gap; something remains{remains}",
-            percent(taken)
+            "{gap}: {takes}; what remains depends on {}",
+            rest_over(joint)
         ),
         Verdict::Ambiguous => match joint.confusable.first() {
             Some(pair) => format!(
-                "{name}: {} or {}, this data cannot tell them apart",
+                "{gap}: {} or {}, this data cannot tell them apart",
                 words(&pair.effects[0]),
                 words(&pair.effects[1])
             ),
-            None => format!("{name}: two explanations that this data cannot tell apart"),
+            None => format!("{gap}: two explanations that this data cannot tell apart"),
         },
         _ => {
             let ratio = gap_to_noise(joint).map_or(String::new(), |ratio| {
-                format!(" of {} times the noise", number(ratio, 2))
+                format!(", {} times the noise,", number(ratio, 2))
             });
-            format!("{name}: a gap{ratio} that no known effect accounts for{remains}")
+            format!(
+                "{gap}{ratio} that no known effect accounts for; it depends on {}",
+                rest_over(joint)
+            )
         }
+    }
+}
+
+/// What the rest depends on most.
+fn rest_over(joint: &JointReport) -> &'static str {
+    let most = joint.remaining_over.first();
+    most.map_or("nothing that was looked at", |rest| variable(rest.over))
+}
+
+/// `a, b and c`.
+fn listed(names: &[String]) -> String {
+    match names {
+        [others @ .., last] if !others.is_empty() => format!("{} and {last}", others.join(", ")),
+        few => few.concat(),
     }
 }
 
 /// Named effects that take so much are all of it: half of the last per cent that is shown.
 const ALL: f64 = 0.995;
 
-fn percent(share: f64) -> String {
-    number(100.0 * share, 2)
+/// A share in per cent: two digits, and near all of it as many as tell what is left.
+pub fn percent(share: f64) -> String {
+    let left = 1.0 - share;
+    let digits = if (1e-5..0.01).contains(&left) {
+        (-left.log10()).ceil() as usize
+    } else {
+        2
+    };
+    match 100.0 * share {
+        // less than anybody measures
+        tiny if tiny.abs() < 0.01 => "0".to_owned(),
+        percent => number(percent, digits),
+    }
 }
 
 /// An effect as people read it, with its first value and unit.
@@ -116,9 +156,18 @@ pub fn with_value(found: &NamedEffect) -> String {
     let Some((parameter, value)) = found.parameters.iter().next() else {
         return name;
     };
-    format!("{name} {} {}", number(value.value, 3), unit(parameter))
+    format!("{name} {} {}", short(value.value), unit(parameter))
         .trim_end()
         .to_owned()
+}
+
+/// Three digits, or two where the third is a zero behind the point.
+fn short(value: f64) -> String {
+    let three = number(value, 3);
+    match three.strip_suffix('0') {
+        Some(two) if two.contains('.') && !two.ends_with('.') => two.to_owned(),
+        _ => three,
+    }
 }
 
 /// What the rest depends on, as people read it.
@@ -135,11 +184,20 @@ pub fn variable(over: Remains) -> &'static str {
 }
 
 /// An identifier as people read it.
-fn words(effect: &str) -> String {
+pub fn words(effect: &str) -> String {
     effect
         .replace('_', " ")
         .replace("coulomb", "Coulomb")
         .replace("stribeck", "Stribeck")
+}
+
+/// Quantity and unit of a variable of the report's ranges.
+pub fn signal_axis(variable: &str) -> (String, &'static str) {
+    let unit = unit(variable);
+    let suffixes = ["_rad_s", "_rad", "_nm", "_s", "_hz"];
+    let suffix = suffixes.iter().find(|suffix| variable.ends_with(**suffix));
+    let name = suffix.and_then(|suffix| variable.strip_suffix(suffix));
+    (name.unwrap_or(variable).replace('_', " "), unit)
 }
 
 /// A verdict as people read it.
@@ -213,12 +271,7 @@ pub fn next_steps(report: &Report) -> Vec<String> {
             Verdict::Ambiguous => steps.push(format!(
                 "{name}: record the trajectory that `flexspline gap suggest` writes; it separates what this data cannot."
             )),
-            Verdict::Unexplained => steps.push(format!(
-                "{name}: look at the joint where and when the maps above are brightest; the cause is on no list."
-            )),
-            Verdict::PartlyExplained => steps.push(format!(
-                "{name}: something beside what was named remains; look at what the maps above still show once it is applied."
-            )),
+            Verdict::Unexplained | Verdict::PartlyExplained => steps.push(rest_step(joint)),
             Verdict::InsufficientData => steps.push(format!("{name}: {}", joint.reason)),
             Verdict::NoGap | Verdict::Explained => {}
         }
@@ -241,9 +294,43 @@ pub fn next_steps(report: &Report) -> Vec<String> {
     steps
 }
 
+/// What to do about a part of the gap that has no name.
+fn rest_step(joint: &JointReport) -> String {
+    let name = &joint.joint;
+    let has_table = joint.remaining_over.iter().any(|rest| !rest.at.is_empty());
+    let apply = if has_table {
+        "; `flexspline gap apply --remaining` writes it into the robot file as a table, and the gap shrinks without a name"
+    } else {
+        ""
+    };
+    format!(
+        "{name}: {} % of the gap is on no list and depends on {}; look at the joint where the ranges above hold most of it{apply}.",
+        percent(joint.remaining_share),
+        rest_over(joint)
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn shares_and_values_have_the_digits_that_tell() {
+        let shares = [0.5121, 0.999_93, 1.0, 0.996, 0.0, 1e-7];
+        let told = shares.map(percent);
+        assert_eq!(told, ["51", "99.993", "100", "99.6", "0", "0"]);
+        let values = [3.0, 3.24, 2.004, 120.0, 0.0305, -5.551];
+        let told = values.map(short);
+        assert_eq!(told, ["3.0", "3.24", "2.0", "120", "0.0305", "−5.55"]);
+    }
+
+    #[test]
+    fn ranges_have_quantity_and_unit() {
+        let axis = |name| signal_axis(name);
+        let velocity = ("motor velocity".to_owned(), "rad/s");
+        assert_eq!(axis("motor_velocity_rad_s"), velocity);
+        assert_eq!(axis("load_nm"), ("load".to_owned(), "Nm"));
+    }
 
     #[test]
     fn every_unit_is_found_by_the_name_s_end() {
