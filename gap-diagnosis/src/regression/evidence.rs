@@ -87,6 +87,7 @@ pub struct Problem<'a> {
 }
 
 /// The sums of squares of a problem, part by part.
+#[derive(Clone)]
 pub struct Evidence {
     /// Of each item.
     kinds: Vec<usize>,
@@ -132,6 +133,7 @@ struct Sums {
 }
 
 /// A part left out, with the columns that are in every set eliminated.
+#[derive(Clone)]
 struct Reduced {
     train: DMatrix<f64>,
     train_vector: DVector<f64>,
@@ -143,6 +145,7 @@ struct Reduced {
 }
 
 /// What a part that is left out says of a fit.
+#[derive(Clone)]
 struct Test {
     gram: DMatrix<f64>,
     vector: DVector<f64>,
@@ -539,6 +542,22 @@ impl Evidence {
         let rest = self.whole.rest_of(&places, &self.whole.values(&places));
         let tolerated = self.columns.len() - self.law_columns - self.shared_columns;
         rest.rows(0, tolerated).norm_squared()
+    }
+
+    /// Sums of squares that a set leaves out, with the file's values held by what that set leaves: where the best set leaves next to
+    /// nothing, what is left without it would move them by any number of deviations.
+    pub fn left_by_itself(&self, names: Names) -> [f64; PARTS] {
+        /// Rounds until what is left and what it lets the values move agree to a hundredth.
+        const ROUNDS: usize = 3;
+        let mut own = self.clone();
+        for _ in 0..ROUNDS {
+            let left = own.mean_squares(names);
+            for (settled, left) in own.settled.iter_mut().zip(left) {
+                settled.variance = settled.variance.max(left + settled.floor);
+            }
+            own.eliminate();
+        }
+        own.scored(names).left
     }
 
     /// Sum of a column's squares, in the units of [`Scored::left`].

@@ -37,6 +37,7 @@ use evidence::{Evidence, Fit, Item, Message, Problem, Scored, Span};
 use laws::Laws;
 use motion::{Piece, Read};
 use rows::JointRows;
+use shares::Interval;
 use signals::TorqueSource;
 pub use told::MATERIALITY;
 use told::{Found, Said};
@@ -224,14 +225,12 @@ fn said(
     .collect()
 }
 
-/// Whether a shared cause takes a part of the joints' gaps, on average.
+/// Whether a shared cause takes a part of the joints' gaps on average, and for certain: few arms have one.
 fn matters(said: &[Said], materiality: f64) -> bool {
-    let shares: Vec<f64> = said
-        .iter()
-        .filter_map(|said| Some(said.shared?.value))
-        .collect();
-    let mean = shares.iter().sum::<f64>() / shares.len().max(1) as f64;
-    mean >= materiality
+    let shares: Vec<Interval> = said.iter().filter_map(|said| said.shared).collect();
+    let mean =
+        |of: fn(&Interval) -> f64| shares.iter().map(of).sum::<f64>() / shares.len().max(1) as f64;
+    mean(|share| share.value) >= materiality && mean(|share| share.low) > 0.0
 }
 
 fn joints(robot: &Robot, read: &[Read], pieces: &[Piece]) -> Result<Vec<Joint>, DiagnoseError> {

@@ -111,7 +111,8 @@ impl Found<'_> {
             .collect()
     }
 
-    fn game(&self, scored: &Scored) -> Game {
+    /// `by_itself`: with the file's values held by what each set of players leaves.
+    fn game(&self, scored: &Scored, by_itself: bool) -> Game {
         let players = self.players(scored);
         let count = players.len() + usize::from(self.shared.is_some());
         let left = (0..1_usize << count).map(|set| {
@@ -125,7 +126,11 @@ impl Found<'_> {
             } else {
                 self.alone
             };
-            evidence.scored(names).left
+            if by_itself {
+                evidence.left_by_itself(names)
+            } else {
+                evidence.scored(names).left
+            }
         });
         Game {
             left: left.collect(),
@@ -138,7 +143,7 @@ impl Found<'_> {
     pub fn said(&self, others: &[Vec<f64>]) -> Said {
         let best = self.sets[0];
         let fit = self.evidence.fit(best.names);
-        let shares = self.game(&best).shares();
+        let shares = self.game(&best, true).shares();
         let weights = self.weights();
         let effects = self.effects(&fit, &shares, &weights);
         let (effects, minor_effects): (Vec<_>, Vec<_>) =
@@ -281,7 +286,7 @@ impl Found<'_> {
             let shares = if rank == 0 {
                 of_best
             } else {
-                fresh = self.game(set).shares();
+                fresh = self.game(set, false).shares();
                 &fresh
             };
             let players = self.players(set);
