@@ -112,6 +112,86 @@ fn two_friction_laws_at_once_are_both_named() {
     }
 }
 
+/// A pendulum behind a rigid gear, without the friction that it has.
+const PENDULUM: &str = r#"name = "pendulum"
+gravity_m_s2 = [0.0, 0.0, -9.81]
+[[link]]
+joint = "shoulder"
+axis = [0.0, 1.0, 0.0]
+mass_kg = 2.0
+centre_of_mass_m = [0.0, 0.0, -0.25]
+inertia_kg_m2 = { xx = 0.025, yy = 0.025, zz = 0.004 }
+[[joint]]
+name = "shoulder"
+gear_ratio = 100.0
+rotor_inertia_kg_m2 = 1e-5
+"#;
+
+/// Its log on a sum of sines, in Hz and rad, with Coulomb and viscous friction and a torque over position that is on no list.
+fn pendulum_log(sines: [[f64; 2]; 3]) -> String {
+    const STEP_S: f64 = 0.002;
+    const STEP_RAD: f64 = 1e-5;
+    let inertia_kg_m2 = 0.025 + 2.0 * 0.25_f64.powi(2) + 1e-5 * 100.0_f64.powi(2);
+    let mut log = "time_s,shoulder.link_position_rad,shoulder.motor_torque_nm\n".to_owned();
+    for row in 0..6000 {
+        let time_s = STEP_S * f64::from(row);
+        let [mut q, mut v, mut a] = [0.0; 3];
+        for (place, [hz, rad]) in sines.into_iter().enumerate() {
+            let rate = std::f64::consts::TAU * hz;
+            let (sin, cos) = (rate * time_s + place as f64).sin_cos();
+            q += rad * sin;
+            v += rad * rate * cos;
+            a -= rad * rate * rate * sin;
+        }
+        let friction_nm = (v / 0.01).tanh() + v;
+        let unlisted_nm = 1.5 * (6.0 * q).sin();
+        // the golden ratio's multiples fill the unit evenly: noise without a generator
+        let noise_nm = 0.07 * ((f64::from(row) * 0.618_034).fract() - 0.5);
+        let torque_nm =
+            inertia_kg_m2 * a + 2.0 * 9.81 * 0.25 * q.sin() + friction_nm + unlisted_nm + noise_nm;
+        let shown_rad = (q / STEP_RAD).round() * STEP_RAD;
+        log += &format!("{time_s:.4},{shown_rad:.6},{:.9}\n", torque_nm / 100.0);
+    }
+    log
+}
+
+#[test]
+fn what_has_no_name_is_written_as_a_table_and_shrinks_the_gap_on_another_motion() {
+    let bench = bench("remaining");
+    fs::write(bench.file("file.toml"), PENDULUM).unwrap();
+    let motions = [
+        ("first.csv", [[0.21, 0.6], [0.37, 0.25], [0.73, 0.1]]),
+        ("other.csv", [[0.17, 0.5], [0.43, 0.3], [0.61, 0.12]]),
+    ];
+    for (name, sines) in motions {
+        fs::write(bench.file(name), pendulum_log(sines)).unwrap();
+    }
+    let diagnose = |robot: &str, recording: &str| {
+        flexspline(
+            &bench,
+            &format!("gap diagnose --robot {robot} --recording {recording} --out gap"),
+        );
+        json(&bench, "gap/report.json")["joints"][0].clone()
+    };
+    let first = diagnose("file.toml", "first.csv");
+    assert_eq!(first["remaining_over"][0]["over"], "position", "{first}");
+    let apply = "gap apply --report gap/report.json --robot file.toml --out";
+    flexspline(&bench, &format!("{apply} named.toml"));
+    let told = flexspline(&bench, &format!("{apply} rest.toml --remaining"));
+    assert!(
+        told.contains("torque_table: added, over position"),
+        "{told}"
+    );
+    let gap_nm = ["file.toml", "named.toml", "rest.toml"].map(|robot| {
+        let joint = diagnose(robot, "other.csv");
+        let before = &joint["gap"]["torque_rms_nm"]["before"];
+        before.as_f64().unwrap()
+    });
+    let [by_file_nm, named_nm, with_rest_nm] = gap_nm;
+    assert!(named_nm < 0.8 * by_file_nm, "{gap_nm:?}");
+    assert!(with_rest_nm < 0.4 * named_nm, "{gap_nm:?}");
+}
+
 #[test]
 fn encoders_that_are_read_apart_are_told_and_no_effect_is_named_for_it() {
     const EARLIER_MS: f64 = 0.3;

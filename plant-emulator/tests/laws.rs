@@ -5,7 +5,7 @@ mod common;
 
 use common::{PERIOD_S, braked, damping, released, run, torque, velocity};
 use plant_emulator::{DriveState, Plant, PlantParameters};
-use robot::Robot;
+use robot::{Robot, TableOver, TorqueTable};
 
 /// A bent pose in which gravity acts on joints 2 to 6.
 const BENT_RAD: [f64; 7] = [0.1, 0.7, -0.4, 0.9, 0.3, 0.6, -0.2];
@@ -82,6 +82,38 @@ fn the_torque_it_is_held_with_goes_on_holding_it() {
         let moved_rad = (truth.link_position_rad[joint] - start_rad).abs();
         assert!(moved_rad < 3e-5, "joint {joint} moved {moved_rad} rad");
         assert!(truth.link_velocity_rad_s[joint].abs() < 1e-4);
+    }
+}
+
+#[test]
+fn a_torque_table_is_held_at_rest_and_drags_in_motion() {
+    const AT_RAD: f64 = 0.3;
+    let table = |over, torque_nm: [f64; 2]| TorqueTable {
+        over,
+        at: vec![-1.0, 1.0],
+        torque_nm: torque_nm.to_vec(),
+    };
+    let mean_nm = |tables: Vec<TorqueTable>, velocity_rad_s: f64| {
+        let mut robot = robot::load("shd17").unwrap();
+        robot.joints[0].torque_tables = tables;
+        let parameters = exact(&robot);
+        let mut plant = Plant::new(&robot, &parameters, &[], 1, &[AT_RAD], PERIOD_S).unwrap();
+        run(&mut plant, &velocity(&[velocity_rad_s]), 750);
+        let torques_nm = (0..750).map(|_| {
+            plant.step(&velocity(&[velocity_rad_s]));
+            robot.joints[0].gear_ratio * plant.sample().motor_torque_nm[0]
+        });
+        torques_nm.sum::<f64>() / 750.0
+    };
+    let added_nm = |table: TorqueTable, velocity_rad_s: f64| {
+        mean_nm(vec![table], velocity_rad_s) - mean_nm(Vec::new(), velocity_rad_s)
+    };
+    let held_nm = added_nm(table(TableOver::Position, [4.0, 4.0]), 0.0);
+    assert!((held_nm - 4.0).abs() < 0.2, "{held_nm}");
+    for velocity_rad_s in [-0.5, 0.5] {
+        let dragged_nm = added_nm(table(TableOver::Velocity, [-2.0, 6.0]), velocity_rad_s);
+        let expected_nm = 2.0 + 4.0 * velocity_rad_s;
+        assert!((dragged_nm - expected_nm).abs() < 0.2, "{dragged_nm}");
     }
 }
 

@@ -6,7 +6,7 @@ use crate::{colours, draw, number};
 
 /// Part of its width to which a panel may shrink before it goes below the one before: with more, a wide page would not hold as many as
 /// it should; with less, it would hold more.
-const NARROWEST: f64 = 0.84;
+const NARROWEST: f64 = 0.9;
 
 /// One or several panels under a common legend and above a caption.
 #[derive(Clone, Debug, PartialEq)]

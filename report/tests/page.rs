@@ -144,7 +144,7 @@ fn panels_are_drawings_of_their_own_that_go_below_each_other_on_a_narrow_screen(
         Page::new("t", "v").section(section).to_html()
     };
     assert_eq!(html(2).matches("<svg viewBox=\"0 0 1920 ").count(), 2);
-    assert!(html(2).contains(r#"<div class="panels" style="--narrowest:403.2px">"#));
+    assert!(html(2).contains(r#"<div class="panels" style="--narrowest:432px">"#));
     assert!(html(1).contains(r#"<div class="panels wide""#));
 }
 

@@ -119,6 +119,8 @@ impl Compensation {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
+    use robot::{TableOver, TorqueTable};
+
     use super::*;
 
     fn joint(effects: &[Effect]) -> Compensation {
@@ -153,6 +155,22 @@ mod tests {
                 + 100.0 * amplitude_nm * (2.0 * motor_rad + 0.4).sin();
             assert!((shaft_nm - 7.0).abs() < 1e-12, "{shaft_nm}");
         }
+    }
+
+    #[test]
+    fn a_table_is_held_over_position_load_and_at_rest() {
+        let mut file = robot::load("shd17").unwrap().joints.remove(0);
+        file.effects.clear();
+        let tables = [TableOver::Position, TableOver::Load, TableOver::Velocity].into_iter();
+        file.torque_tables = tables
+            .map(|over| TorqueTable {
+                over,
+                at: vec![0.0, 1.0],
+                torque_nm: vec![0.5, 2.5],
+            })
+            .collect();
+        let known = Compensation::of(&file);
+        assert!((known.holding_nm(0.5, 0.25) - (1.5 + 1.0 + 0.5)).abs() < 1e-12);
     }
 
     #[test]

@@ -8,8 +8,10 @@ use super::words::{percent, with_value, words};
 
 /// Candidates that a joint's line holds.
 const CANDIDATES_MAX: usize = 4;
-/// A first candidate that is likelier than this needs no others beside it: what is printed as 1.00.
-const CERTAIN: f64 = 0.995;
+/// A first candidate that is likelier than this needs no others beside it: one in twenty such statements is wrong.
+const CERTAIN: f64 = 0.95;
+/// Candidates below what is printed as 0.01 are left out.
+const PRINTED: f64 = 0.005;
 /// What is no effect.
 const NAMELESS: &str = "without a name";
 
@@ -93,7 +95,7 @@ pub fn bars_height(bars: usize) -> u32 {
 
 fn minor(report: &Report) -> Option<Table> {
     let mut table = Table::new(
-        "Minor effects: too small a part of the gap to matter, so neither in the headline nor in the verdict",
+        "Minor effects: too small or too uncertain a part of the gap to count in the headline or the verdict",
         [
             Column::text("joint"),
             Column::text("effect"),
@@ -133,7 +135,9 @@ fn candidates(report: &Report) -> Option<Table> {
     let mut any = false;
     for joint in with_gap(report).filter(is_open) {
         any = true;
-        let shown = joint.candidates.iter().take(CANDIDATES_MAX);
+        let likely = joint.candidates.iter();
+        let likely = likely.filter(|candidate| candidate.probability >= PRINTED);
+        let shown = likely.take(CANDIDATES_MAX);
         let told: Vec<String> = shown
             .map(|candidate| {
                 let probability = number(candidate.probability, 2);

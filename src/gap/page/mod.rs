@@ -184,9 +184,12 @@ fn parameters(report: &Report) -> Section {
     Section::new("parameters", "How large it is").table(table)
 }
 
+/// A joint's rms before, after, and of noise.
+type Sizes = fn(&JointReport) -> [f64; 3];
+
 /// Before, after and noise floor on data that nothing was fitted to.
 fn shrink(report: &Report) -> Section {
-    let sizes: [(&str, &str, fn(&JointReport) -> [f64; 3]); 2] = [
+    let sizes: [(&str, &str, Sizes); 2] = [
         ("torque rms", "Nm", |joint| {
             let rms = &joint.gap.torque_rms_nm;
             [rms.before, rms.after, rms.noise_floor]
@@ -250,7 +253,9 @@ fn shrink(report: &Report) -> Section {
         return section.table(table);
     }
     let caption = "Gap before and after the effects are added, and what noise alone leaves";
-    let figure = Figure::new(caption).columns(2).panel_height(240);
+    // names of more joints need the whole width
+    let columns = if report.joints.len() > 2 { 1 } else { 2 };
+    let figure = Figure::new(caption).columns(columns).panel_height(240);
     section
         .figure(panels.into_iter().fold(figure, Figure::panel))
         .table(table)

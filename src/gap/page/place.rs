@@ -31,9 +31,10 @@ pub fn section(report: &Report) -> Section {
         return section.paragraph("No joint has a gap.");
     }
     let mut signals = Table::new(
-        "Signals in which it shows",
+        "Where each gap comes from, or looks most like where nothing accounts for it, and the signals in which it shows",
         [
             Column::text("joint"),
+            Column::text("stage"),
             Column::text("signal"),
             Column::number("gap over noise"),
         ],
@@ -42,6 +43,7 @@ pub fn section(report: &Report) -> Section {
         for signal in &joint.place.signals {
             signals.row([
                 joint.joint.clone().into(),
+                stage_in_words(joint.place.stage).into(),
                 signal.signal.clone().into(),
                 number(signal.gap_to_noise, 3).into(),
             ]);
@@ -61,6 +63,11 @@ pub fn section(report: &Report) -> Section {
             None => section,
         }
     })
+}
+
+fn stage_in_words(stage: Option<Stage>) -> &'static str {
+    let known = STAGES.iter().find(|(known, _)| Some(*known) == stage);
+    known.map_or("", |(_, name)| name)
 }
 
 fn edges(count: usize) -> impl Iterator<Item = f64> {

@@ -1,6 +1,6 @@
 //! The page says what the report says, needs no network, and stands with the least a report may hold.
 
-use gap_diagnosis::report::Report;
+use gap_diagnosis::report::{BeforeAfter, Remains, RemainsOver, Report, Verdict};
 use gap_diagnosis::{Diagnosis, JointTraces};
 use serde_json::json;
 
@@ -36,9 +36,39 @@ fn report(verdict: &str) -> Report {
 }
 
 fn html(verdict: &str, traces: Vec<JointTraces>) -> String {
+    html_of(report(verdict), traces)
+}
+
+fn html_of(report: Report, traces: Vec<JointTraces>) -> String {
     let robot = robot::load("shd17").unwrap();
-    let report = report(verdict);
     page(&robot, &Diagnosis { report, traces }).to_html()
+}
+
+/// With a minor effect, and a rest over position and since the last reversal.
+fn with_rest() -> Report {
+    let mut report = report("explained");
+    let joint = &mut report.joints[0];
+    joint.verdict = Verdict::PartlyExplained;
+    let mut minor = joint.effects[0].clone();
+    minor.effect = "torque_offset".to_owned();
+    minor.share = 0.01;
+    joint.minor_effects.push(minor);
+    joint.remaining_share = 0.2;
+    joint.remaining_over = vec![
+        RemainsOver {
+            over: Remains::Position,
+            share: 0.15,
+            at: vec![-1.0, 0.0, 1.0],
+            torque_nm: vec![0.2, -0.1, 0.3],
+        },
+        RemainsOver {
+            over: Remains::SinceReversal,
+            share: 0.05,
+            at: Vec::new(),
+            torque_nm: Vec::new(),
+        },
+    ];
+    report
 }
 
 fn traces() -> Vec<JointTraces> {
@@ -81,4 +111,55 @@ fn a_joint_without_a_gap_or_without_traces_has_its_page_too() {
     assert!(html("no_gap", Vec::new()).contains("Simulation and robot agree"));
     assert!(html("unexplained", Vec::new()).contains("no known effect accounts for"));
     assert!(html("insufficient_data", Vec::new()).contains("supports no statement"));
+}
+
+#[test]
+fn what_remains_is_drawn_over_what_it_depends_on_and_minor_effects_stand_apart() {
+    let html = html_of(with_rest(), Vec::new());
+    for told in [
+        "what remains depends on position.",
+        "position (15 %), the time since the last reversal (5.0 %)",
+        "torque that remains, Nm",
+        "Minor effects: too small",
+        "gap apply --remaining",
+        "share of the gap",
+    ] {
+        assert!(html.contains(told), "{told}");
+    }
+    assert!(!html.contains("probability\">") && !html.contains("probability:"));
+    // minor effects are in no headline and no stage
+    let verdict = html.split("class=\"verdict\"").nth(1).unwrap();
+    assert!(!verdict.split("</p>").next().unwrap().contains("offset"));
+}
+
+#[test]
+fn a_size_that_nothing_was_found_of_has_no_panel() {
+    let mut report = with_rest();
+    assert!(html_of(report.clone(), Vec::new()).contains("position rms, mrad"));
+    report.joints[0].gap.position_rms_rad = BeforeAfter::default();
+    assert!(!html_of(report, Vec::new()).contains("position rms, mrad"));
+}
+
+#[test]
+fn ranges_have_their_values_and_units() {
+    let html = html("explained", Vec::new());
+    assert!(html.contains("time, s") && html.contains("frequency, Hz"));
+    assert!(!html.contains("range, low to high"));
+}
+
+#[test]
+fn an_arm_is_told_in_one_sentence_and_a_line_a_joint_the_largest_first() {
+    let mut report = report("explained");
+    let mut second = report.joints[0].clone();
+    second.joint = "joint2".to_owned();
+    second.gap.torque_rms_nm.before = 4.0;
+    report.joints.push(second);
+    let robot = robot::load("pa10").unwrap();
+    let traces = Vec::new();
+    let html = page(&robot, &Diagnosis { report, traces }).to_html();
+    assert!(html.contains(
+        "2 of 2 joints have a gap, the largest joint2 with 4.00 Nm rms, of which Coulomb friction 0.80 Nm is 96 %"
+    ));
+    let table = html.split("Every joint").nth(1).unwrap();
+    assert!(table.find("joint2").unwrap() < table.find("joint1").unwrap());
 }

@@ -150,15 +150,28 @@ pub fn percent(share: f64) -> String {
     }
 }
 
-/// An effect as people read it, with its first value and unit.
+/// An effect as people read it, with its size and unit.
 pub fn with_value(found: &NamedEffect) -> String {
     let name = words(&found.effect);
-    let Some((parameter, value)) = found.parameters.iter().next() else {
+    let Some((value, unit)) = size(found) else {
         return name;
     };
-    format!("{name} {} {}", short(value.value), unit(parameter))
-        .trim_end()
-        .to_owned()
+    let value = short(value);
+    format!("{name} {value} {unit}").trim_end().to_owned()
+}
+
+/// The number that says how large an effect is: of two that belong together their length, else the first that is no place.
+fn size(found: &NamedEffect) -> Option<(f64, &'static str)> {
+    let value = |name: &str| found.parameters.get(name).map(|found| found.value);
+    for [one, other] in [["sin_nm", "cos_nm"], ["roll_rad", "pitch_rad"]] {
+        if let (Some(a), Some(b)) = (value(one), value(other)) {
+            return Some((a.hypot(b), unit(one)));
+        }
+    }
+    let is_place = |name: &str| name.starts_with("centre_m") || name == "rest_rad";
+    let mut sizes = found.parameters.iter();
+    let (name, size) = sizes.find(|(name, _)| !is_place(name))?;
+    Some((size.value, unit(name)))
 }
 
 /// Three digits, or two where the third is a zero behind the point.
@@ -312,6 +325,8 @@ fn rest_step(joint: &JointReport) -> String {
 
 #[cfg(test)]
 mod tests {
+    use gap_diagnosis::report::Parameter;
+
     use super::*;
 
     #[test]
@@ -322,6 +337,39 @@ mod tests {
         let values = [3.0, 3.24, 2.004, 120.0, 0.0305, -5.551];
         let told = values.map(short);
         assert_eq!(told, ["3.0", "3.24", "2.0", "120", "0.0305", "−5.55"]);
+    }
+
+    #[test]
+    fn an_effect_is_told_by_its_size_and_not_by_its_place() {
+        let named = |effect: &str, parameters: &[(&str, f64)]| {
+            let parameter = |value: f64| Parameter {
+                value,
+                std: 0.1,
+                at_bound: false,
+            };
+            let parameters = parameters.iter();
+            with_value(&NamedEffect {
+                effect: effect.to_owned(),
+                probability: 0.9,
+                parameters: parameters
+                    .map(|(name, value)| ((*name).to_owned(), parameter(*value)))
+                    .collect(),
+                side: None,
+                share: 0.5,
+                share_low: 0.4,
+                share_high: 0.6,
+                shrink_alone: 0.5,
+            })
+        };
+        let spring = named(
+            "joint_spring",
+            &[("rest_rad", -1.86), ("stiffness_nm_rad", 2.5)],
+        );
+        assert_eq!(spring, "joint spring 2.5 Nm/rad");
+        let gravity = named("gravity_torque", &[("sin_nm", 3.0), ("cos_nm", -4.0)]);
+        assert_eq!(gravity, "gravity torque 5.0 Nm");
+        let payload = named("payload", &[("centre_m_x", 0.1), ("mass_kg", 1.5)]);
+        assert_eq!(payload, "payload 1.5 kg");
     }
 
     #[test]
