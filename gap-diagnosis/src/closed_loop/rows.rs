@@ -167,7 +167,7 @@ impl About {
         let others = search.hypotheses.iter().cloned();
         let others = others
             .chain(search.periodic_hypotheses(&model, &linear))
-            .filter(|hypothesis| !is_told(hypothesis) && !(of_arm && hypothesis.is_of_arm()))
+            .filter(|hypothesis| !(is_told(hypothesis) || of_arm && hypothesis.is_of_arm()))
             .collect();
         let others = search.columns(&base_nm, &model, others)?;
         let of_others = others.into_iter().filter_map(|(hypothesis, columns)| {

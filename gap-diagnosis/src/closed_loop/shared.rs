@@ -21,6 +21,9 @@ use crate::shared::CommonDelay;
 /// three.
 const ROUNDS: usize = 3;
 
+/// A cause, and every joint that has a twin beside it.
+type Beside = (Shared, Vec<Option<Explained>>);
+
 /// A cause with what all joints say of it.
 pub struct Shared {
     cause: Cause,
@@ -116,8 +119,8 @@ pub(super) fn found<'a>(
     joints: &[Option<Joint<'a>>],
     begins: &[Option<About>],
     alone: &[Option<Explained>],
-) -> Result<Option<(Shared, Vec<Option<Explained>>)>, FilterError> {
-    let mut best: Option<(Shared, Vec<Option<Explained>>)> = None;
+) -> Result<Option<Beside>, FilterError> {
+    let mut best: Option<Beside> = None;
     for cause in Cause::ALL {
         let found = worth(robot, joints, begins, alone, cause)?;
         let is_better = |found: &(Shared, _)| {
@@ -137,7 +140,7 @@ fn worth<'a>(
     begins: &[Option<About>],
     alone: &[Option<Explained>],
     cause: Cause,
-) -> Result<Option<(Shared, Vec<Option<Explained>>)>, FilterError> {
+) -> Result<Option<Beside>, FilterError> {
     // about a little of it, since nothing has no centre
     let mut said = DVector::zeros(cause.amplitudes());
     if cause == Cause::Payload {
