@@ -130,7 +130,7 @@ fn told(joint: &JointReport, written: Option<Remains>) -> Vec<String> {
     let mut told: Vec<String> = told.collect();
     if joint.remaining_over.is_empty() && joint.remaining_share >= WORTH_A_WORD {
         told.push(format!(
-            "{}: {} % of the gap remain and depend on nothing that was looked at",
+            "{}: {} % of the gap remain, and over what is not known",
             joint.joint,
             percent(joint.remaining_share)
         ));

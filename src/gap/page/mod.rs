@@ -46,17 +46,21 @@ fn gap_to_noise(joint: &JointReport) -> Option<f64> {
 
 /// Joints that were found to have a gap.
 fn with_gap(report: &Report) -> impl Iterator<Item = &JointReport> {
-    report
-        .joints
-        .iter()
-        .filter(|joint| !matches!(joint.verdict, Verdict::NoGap | Verdict::InsufficientData))
+    report.joints.iter().filter(|joint| has_gap(joint))
 }
 
-/// Joints, the largest gap first.
+fn has_gap(joint: &JointReport) -> bool {
+    !matches!(joint.verdict, Verdict::NoGap | Verdict::InsufficientData)
+}
+
+/// Joints, the largest gap first and those without one last.
 pub fn largest_first(report: &Report) -> Vec<&JointReport> {
     let mut joints: Vec<&JointReport> = report.joints.iter().collect();
-    let before_nm = |joint: &JointReport| joint.gap.torque_rms_nm.before;
-    joints.sort_by(|a, b| before_nm(b).total_cmp(&before_nm(a)));
+    let gap_nm = |joint: &JointReport| {
+        let before_nm = joint.gap.torque_rms_nm.before;
+        if has_gap(joint) { before_nm } else { -1.0 }
+    };
+    joints.sort_by(|a, b| gap_nm(b).total_cmp(&gap_nm(a)));
     joints
 }
 
@@ -75,9 +79,14 @@ fn arm(robot: &Robot, report: &Report) -> Section {
         ],
     );
     for joint in largest_first(report) {
-        let is_told = !matches!(joint.verdict, Verdict::NoGap | Verdict::InsufficientData);
         let torque = &joint.gap.torque_rms_nm;
-        let told = |text: String| if is_told { text } else { String::new() };
+        let told = |text: String| if has_gap(joint) { text } else { String::new() };
+        // what is explained needs no reason beside the effects
+        let reason = if joint.verdict == Verdict::Explained {
+            ""
+        } else {
+            &joint.reason
+        };
         table.row([
             joint.joint.clone().into(),
             Cell::strong(verdict_in_words(joint.verdict)),
@@ -85,7 +94,7 @@ fn arm(robot: &Robot, report: &Report) -> Section {
             told(percent(joint.remaining_share)).into(),
             told(number(torque.before, 3)).into(),
             told(number(torque.after, 3)).into(),
-            joint.reason.clone().into(),
+            reason.into(),
         ]);
     }
     let section = Section::new("arm", "The robot").table(table);
@@ -122,8 +131,7 @@ fn picture(robot: &Robot, report: &Report) -> Chain {
     let across = if width(1) > width(0) { 1 } else { 0 };
     let flat = |frame: [f64; 3]| [frame[across], frame[2]];
     let nodes = report.joints.iter().zip(&frames_m).map(|(joint, frame)| {
-        let before_nm =
-            (joint.verdict != Verdict::InsufficientData).then_some(joint.gap.torque_rms_nm.before);
+        let before_nm = has_gap(joint).then_some(joint.gap.torque_rms_nm.before);
         let told = before_nm.map_or(String::new(), |nm| format!(", {} Nm", number(nm, 3)));
         Node {
             label: format!("{}: {}{told}", joint.joint, verdict_in_words(joint.verdict)),
@@ -133,7 +141,7 @@ fn picture(robot: &Robot, report: &Report) -> Chain {
     });
     let end = frames_m.last().copied().map_or([0.0; 2], flat);
     Chain::new(
-        "The arm at joint angle zero. Colour: rms of the gap in torque.",
+        "The arm at joint angle zero. Colour: rms of the gap in torque; white: no gap, or not enough data.",
         "gap, Nm rms",
         nodes,
         end,

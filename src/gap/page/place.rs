@@ -17,10 +17,13 @@ const STAGES: [(Stage, &str); 5] = [
     (Stage::Timing, "timing"),
 ];
 
-/// Values of a variable that all lie within this are one value, in whatever unit: no joint's load, angle or time is that small.
-const ONE_VALUE: f64 = 1e-6;
-/// Ranges and bands in a row.
+/// Values of a variable that all lie within this are one value: a tenth of a milliradian, of a mNm and of a millisecond are less than any
+/// joint moves, carries or lasts.
+const ONE_VALUE: f64 = 1e-4;
+/// Ranges and bands in a row at most; more stand in two rows.
 const PANELS: usize = 5;
+/// Ranges whose widths differ by less than this part of them were cut by width, and hold different numbers of rows.
+const EQUAL: f64 = 0.01;
 const PANEL_HEIGHT: u32 = 170;
 
 /// Of all joints that have a gap.
@@ -53,8 +56,8 @@ pub fn section(report: &Report) -> Section {
         .figure(stages(report, &joints))
         .table(signals)
         .paragraph(
-            "Below: which part of the gap lies in which range. Each range of a variable holds as many rows as the others; the grey line \
-             is an even spread, and what stands above it is where the gap is.",
+            "Below: which part of the gap lies in which range. A grey line is drawn where each range of a variable holds as many rows as \
+             the others: it is an even spread, and what stands above it is where the gap is.",
         );
     joints.iter().fold(section, |section, joint| {
         let figure = ranges(joint);
@@ -139,7 +142,14 @@ fn ranges(joint: &JointReport) -> Option<Figure> {
             None => variables.push((variable, vec![range])),
         }
     }
-    let even = |ranges: &[[f64; 3]]| 1.0 / ranges.len().max(1) as f64;
+    // ranges of one width hold different numbers of rows, and have no even spread
+    let even = |ranges: &[[f64; 3]]| {
+        let widths = ranges.iter().map(|[from, to, _]| to - from);
+        let (low, high) = widths.fold((f64::INFINITY, 0.0_f64), |(low, high), width| {
+            (low.min(width), high.max(width))
+        });
+        (low < (1.0 - EQUAL) * high).then_some(1.0 / ranges.len() as f64)
+    };
     let mut panels: Vec<Panel> = Vec::new();
     let is_range = |ranges: &[[f64; 3]]| {
         let ends = ranges.first().zip(ranges.last());
@@ -148,7 +158,10 @@ fn ranges(joint: &JointReport) -> Option<Figure> {
     for (variable, ranges) in variables.iter().filter(|(_, ranges)| is_range(ranges)) {
         let (quantity, unit) = signal_axis(variable);
         let panel = steps(Axis::new(quantity, unit), ranges);
-        panels.push(panel.horizontal(100.0 * even(ranges), ""));
+        panels.push(match even(ranges) {
+            Some(share) => panel.horizontal(100.0 * share, ""),
+            None => panel,
+        });
     }
     let bands = joint.place.bands.iter();
     let bands: Vec<[f64; 3]> = bands.map(|b| [b.from_hz, b.to_hz, b.share]).collect();
@@ -160,7 +173,11 @@ fn ranges(joint: &JointReport) -> Option<Figure> {
     }
     let caption = format!("{}: share of the gap in each range, %", joint.joint);
     let figure = Figure::new(caption)
-        .columns(PANELS)
+        .columns(if panels.len() > PANELS {
+            panels.len().div_ceil(2)
+        } else {
+            panels.len()
+        })
         .panel_height(PANEL_HEIGHT);
     Some(panels.into_iter().fold(figure, Figure::panel))
 }

@@ -37,7 +37,7 @@ pub fn section(report: &Report) -> Section {
             .map(|rest| format!("{} ({} %)", variable(rest.over), percent(rest.share)))
             .collect();
         let over = if over.is_empty() {
-            "nothing that was looked at".to_owned()
+            "not known".to_owned()
         } else {
             over.join(", ")
         };

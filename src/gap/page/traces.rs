@@ -25,17 +25,20 @@ pub fn section(report: &Report, traces: &[JointTraces]) -> Section {
         let Some(of_joint) = traces.iter().find(|traces| traces.joint == joint.joint) else {
             continue;
         };
-        let panels: Vec<Panel> = over_motion(of_joint)
-            .into_iter()
-            .chain(over_time(of_joint))
-            .collect();
+        let over_motion = over_motion(of_joint);
+        let caption = format!(
+            "{}: torque {}in the seconds in which the gap is largest",
+            joint.joint,
+            if over_motion.is_empty() {
+                ""
+            } else {
+                "over velocity, over position, and "
+            }
+        );
+        let panels: Vec<Panel> = over_motion.into_iter().chain(over_time(of_joint)).collect();
         if panels.is_empty() {
             continue;
         }
-        let caption = format!(
-            "{}: torque over velocity, over position, and in the seconds in which the gap is largest",
-            joint.joint
-        );
         let figure = Figure::new(caption)
             .columns(panels.len())
             .panel_height(PANEL_HEIGHT);

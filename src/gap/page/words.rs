@@ -94,10 +94,12 @@ fn joint_sentence(joint: &JointReport) -> String {
         }
         Verdict::Explained if taken >= ALL => format!("{gap}: {effects} {are} all of it"),
         Verdict::Explained => format!("{gap}: {takes}"),
-        Verdict::PartlyExplained => format!(
-            "{gap}: {takes}; what remains depends on {}",
-            rest_over(joint)
-        ),
+        Verdict::PartlyExplained => {
+            let rest = rest_over(joint).map_or("has no name".to_owned(), |over| {
+                format!("depends on {over}")
+            });
+            format!("{gap}: {takes}; what remains {rest}")
+        }
         Verdict::Ambiguous => match joint.confusable.first() {
             Some(pair) => format!(
                 "{gap}: {} or {}, this data cannot tell them apart",
@@ -110,18 +112,17 @@ fn joint_sentence(joint: &JointReport) -> String {
             let ratio = gap_to_noise(joint).map_or(String::new(), |ratio| {
                 format!(", {} times the noise,", number(ratio, 2))
             });
-            format!(
-                "{gap}{ratio} that no known effect accounts for; it depends on {}",
-                rest_over(joint)
-            )
+            let rest =
+                rest_over(joint).map_or(String::new(), |over| format!("; it depends on {over}"));
+            format!("{gap}{ratio} that no known effect accounts for{rest}")
         }
     }
 }
 
-/// What the rest depends on most.
-fn rest_over(joint: &JointReport) -> &'static str {
-    let most = joint.remaining_over.first();
-    most.map_or("nothing that was looked at", |rest| variable(rest.over))
+/// What the rest depends on most, where that is known.
+fn rest_over(joint: &JointReport) -> Option<&'static str> {
+    let most = joint.remaining_over.first()?;
+    Some(variable(most.over))
 }
 
 /// `a, b and c`.
@@ -316,10 +317,10 @@ fn rest_step(joint: &JointReport) -> String {
     } else {
         ""
     };
+    let over = rest_over(joint).map_or(String::new(), |over| format!(" and depends on {over}"));
     format!(
-        "{name}: {} % of the gap is on no list and depends on {}; look at the joint where the ranges above hold most of it{apply}.",
-        percent(joint.remaining_share),
-        rest_over(joint)
+        "{name}: {} % of the gap is on no list{over}; look at the joint where the ranges above hold most of it{apply}.",
+        percent(joint.remaining_share)
     )
 }
 
