@@ -282,6 +282,64 @@ fn a_decimated_recording_of_several_trajectories_is_followed_one_by_one() {
 }
 
 #[test]
+fn what_a_log_holds_is_guessed_where_that_is_certain_and_asked_for_where_it_is_not() {
+    let bench = Bench::new("guessed");
+    let mut log = "time;joint1_pos;joint1_motor_torque\nms;deg;Nm\n".to_owned();
+    let mut doubtful = "t q tau\n".to_owned();
+    for row in 0..1500_u32 {
+        let time_s = f64::from(row) * 0.002;
+        let angle = 30.0 * (6.0 * time_s + (17.0 * time_s).sin()).sin();
+        log += &format!("{};{angle};0.1\n", 2 * row);
+        doubtful += &format!("{time_s} {} 3.5\n", angle.to_radians());
+    }
+    fs::write(bench.file("log.csv"), log).expect("written");
+    fs::write(bench.file("doubtful.csv"), doubtful).expect("written");
+    let import = ["import", "log.csv", "--robot", "shd17", "--out", "log.mcap"];
+    let line = "log.csv: guessed: joint1: motor_torque_nm is `joint1_motor_torque [Nm]`, \
+                link_position_rad is 0.017453 × `joint1_pos [deg]`\n";
+    assert!(succeeds(&bench, &import).starts_with(line));
+    let imported = read(&bench.file("log.mcap")).expect("a recording");
+    assert!(imported.metadata["columns_guessed"].starts_with("joint1: motor_torque_nm"));
+    let farthest = imported
+        .signal("joint1", Signal::LinkPositionRad)
+        .expect("positions");
+    assert!(
+        farthest
+            .iter()
+            .all(|angle| angle.abs() <= 30_f64.to_radians())
+    );
+
+    let diagnose = |log: &str| {
+        let mut command = bench.flexspline();
+        let robot = ["gap", "diagnose", "--robot", "shd17", "--recording"];
+        command.args(robot).arg(log);
+        output(command)
+    };
+    let diagnosed = diagnose("log.csv");
+    assert!(text(&diagnosed).contains(line), "{}", text(&diagnosed));
+    let asked = [
+        "`tau`",
+        "doubtful",
+        "`flexspline recording map doubtful.csv --robot shd17`",
+    ];
+    refused(
+        &bench,
+        &[
+            "import",
+            "doubtful.csv",
+            "--robot",
+            "shd17",
+            "--out",
+            "d.mcap",
+        ],
+        &asked,
+    );
+    let diagnosed = diagnose("doubtful.csv");
+    assert_eq!(diagnosed.status.code(), Some(2));
+    assert!(text(&diagnosed).contains(asked[2]), "{}", text(&diagnosed));
+}
+
+#[test]
 fn bad_input_is_one_line_and_exit_code_two() {
     let bench = Bench::new("rec-bad");
     run(&bench, &[]);
@@ -300,6 +358,36 @@ fn bad_input_is_one_line_and_exit_code_two() {
         &["info", "run.mcap", "--robot", "shd71"],
         &["shd71", "shd17"],
     );
+    let mat = [
+        &[b' '; 124][..],
+        b"\x00\x01IM",
+        &[15, 0, 0, 0, 4, 0, 0, 0, 1, 2, 3, 4],
+    ]
+    .concat();
+    for (name, bytes, expected) in [
+        (
+            "log.bag",
+            &b"#ROSBAG V2.0\n\x01\x00\x00\x00x\x00\x00\x00\x00"[..],
+            "damaged at byte 13",
+        ),
+        ("log.mat", &mat, "MATLAB file that cannot be read"),
+        ("log.h5", b"\x89HDF\r\n\x1a\n and nothing else", "HDF5 file"),
+        ("log.xlsx", b"PK\x03\x04", "save it as CSV"),
+        ("log.pkl", b"\x80\x04\x95", "Python pickle"),
+        (
+            "lfs.bag",
+            b"version https://git-lfs.github.com/spec/v1\n",
+            "git lfs pull",
+        ),
+    ] {
+        fs::write(bench.file(name), bytes).expect("written");
+        refused(&bench, &["info", name], &[name, expected]);
+        refused(
+            &bench,
+            &["import", name, "--robot", "shd17", "--out", "x.mcap"],
+            &[name, expected],
+        );
+    }
     fs::write(bench.file("other.toml"), "sample_rate_hz = 100.0\n").expect("written");
     refused(
         &bench,

@@ -3,6 +3,7 @@
 use recording::{Recording, Signal};
 use robot::{Robot, RobotJoint};
 
+use crate::closed_loop;
 use crate::control;
 use crate::diagnose::{self, DiagnoseError, Diagnosis, Progress};
 use crate::regression;
@@ -14,7 +15,10 @@ use crate::stretch::measured;
 pub enum Engine {
     /// Inverse dynamics of the recorded motion, on all sets of names by one held-out score.
     Motion,
-    /// A simulation of each joint in its controller's loop, with the encoders and the noise that the file states.
+    /// A simulation of each joint in its controller's loop, on sets of names by the same held-out score.
+    ClosedLoop,
+    /// A simulation of each joint in its controller's loop, with the encoders and the noise that the file states, by Bayes factors of
+    /// its own.
     Simulation,
 }
 
@@ -80,6 +84,9 @@ pub fn diagnose(
     let engine = options.engine;
     let diagnosed = match engine.unwrap_or_else(|| Engine::for_robot(robot, recordings)) {
         Engine::Motion => regression::diagnose(robot, recordings, options.materiality, progress),
+        Engine::ClosedLoop => {
+            closed_loop::diagnose(robot, recordings, options.materiality, progress)
+        }
         Engine::Simulation => diagnose::diagnose(robot, recordings, progress),
     };
     let mut diagnosis = diagnosed?;

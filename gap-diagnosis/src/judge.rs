@@ -246,7 +246,7 @@ pub fn numbers(effect: &Effect) -> BTreeMap<String, f64> {
     numbers
 }
 
-fn side(effect: &Effect) -> Option<String> {
+pub(crate) fn side(effect: &Effect) -> Option<String> {
     let fields = serde_json::to_value(effect).ok()?;
     fields.get("side")?.as_str().map(str::to_owned)
 }

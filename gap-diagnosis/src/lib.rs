@@ -3,6 +3,7 @@
 
 pub mod baseline;
 mod beside;
+pub mod closed_loop;
 mod confuse;
 pub mod control;
 pub mod data;

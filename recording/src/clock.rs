@@ -294,6 +294,21 @@ pub(crate) fn time_column(name: &str) -> Option<Option<UnitsPerSecond>> {
     .then_some(unit)
 }
 
+/// The one of these columns that is the time by its name: the only one, or the only one that tells its unit too.
+pub(crate) fn only_time_column<'a>(
+    names: impl Iterator<Item = &'a str>,
+) -> Option<(usize, Option<UnitsPerSecond>)> {
+    let times = names.enumerate();
+    let times: Vec<_> = times
+        .filter_map(|(column, name)| Some((column, time_column(name)?)))
+        .collect();
+    let mut with_unit = times.iter().filter(|(_, unit)| unit.is_some());
+    match (&times[..], with_unit.next(), with_unit.next()) {
+        ([time], _, _) | (_, Some(time), None) => Some(*time),
+        _ => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -374,6 +389,12 @@ mod tests {
         ] {
             assert_eq!(time_column(name), Some(unit), "{name}");
         }
+        let only =
+            |names: &[&str]| only_time_column(names.iter().copied()).map(|(column, _)| column);
+        assert_eq!(only(&["q", "TS", "t_us"]), Some(2));
+        assert_eq!(only(&["q", "TS"]), Some(1));
+        assert_eq!(only(&["t_ms", "t_us"]), None);
+        assert_eq!(only(&["t", "stamp"]), None);
         for other in ["s", "torque", "time_constant", "q", ""] {
             assert_eq!(time_column(other), None, "{other}");
         }

@@ -1,7 +1,7 @@
 //! What the columns of a foreign log hold, told by their names or by a mapping file.
 
 use crate::builder::TableBuilder;
-use crate::clock::{Instant, UnitsPerSecond, time_column};
+use crate::clock::{Instant, UnitsPerSecond, only_time_column};
 use crate::error::{Place, nearest};
 use crate::mapping::{Mapping, Source};
 use crate::{ReadProblem, Signal};
@@ -81,6 +81,7 @@ impl Plan {
                 .named_as_time()
                 .ok_or_else(|| ReadProblem::NoTimeColumn {
                     mapping: mapping_path.to_owned(),
+                    columns: columns.clone(),
                 })?,
         };
         let segment = header
@@ -259,14 +260,10 @@ impl Columns<'_> {
         }
     }
 
-    /// The only column whose name says that it holds the time.
+    /// The column whose name says that it holds the time.
     fn named_as_time(self) -> Option<Time> {
-        let named = self.0.iter().enumerate();
-        let mut times = named.filter_map(|(field, name)| Some((field, time_column(name)?)));
-        match (times.next(), times.next()) {
-            (Some((field, unit)), None) => Some(Time::Clock(field, unit)),
-            _ => None,
-        }
+        let (field, unit) = only_time_column(self.0.iter().map(String::as_str))?;
+        Some(Time::Clock(field, unit))
     }
 
     fn scaled(self, source: &Source) -> Result<Scaled, ReadProblem> {

@@ -23,12 +23,16 @@ pub enum ReadProblem {
     Io(#[from] io::Error),
     /// None of the formats.
     #[error(
-        "is neither an MCAP recording nor a Parquet, SQLite or .npz file nor named as a CSV log is (.csv, .tsv, .txt){seems}"
+        "is neither an MCAP recording nor a ROS 1 bag, a Parquet, SQLite, .npz, MATLAB or HDF5 file, nor named as a CSV log is \
+         (.csv, .tsv, .txt, .dat){seems}"
     )]
     UnknownFormat {
         /// What it looks like, and what to do.
         seems: &'static str,
     },
+    /// A file that Git did not fetch.
+    #[error("is a pointer of Git LFS, not the file itself; fetch that with `git lfs pull`")]
+    LfsPointer,
     /// A folder of something else.
     #[error(
         "is a folder, but holds neither the .mcap or .db3 files of a rosbag2 nor the meta/info.json of a LeRobot dataset"
@@ -51,6 +55,19 @@ pub enum ReadProblem {
     /// A NumPy file that cannot be read.
     #[error("is an .npz file that cannot be read: {}", one_line(.0))]
     Npz(String),
+    /// A MATLAB file that cannot be read.
+    #[error(
+        "is a MATLAB file that cannot be read: {}; it was damaged, so save it again",
+        one_line(.0)
+    )]
+    Mat(String),
+    /// An HDF5 file that cannot be read.
+    #[error(
+        "is an HDF5 file (a .mat of version 7.3 is one too) that cannot be read: {}; if it is whole, \
+         `h5repack -f GZIP=1 OLD NEW`, or MATLAB's `save` with '-v7', writes one that can",
+        one_line(.0)
+    )]
+    Hdf5(String),
     /// Arrays whose columns belong to joints without names.
     #[error(
         "`{}` has {columns} columns, one for each joint, and {names} names of joints are told; write the names into {}, in this \
@@ -230,8 +247,16 @@ pub enum ReadProblem {
     #[error("is empty; its first line must name the columns")]
     NoHeader,
     /// A log without column names.
-    #[error("begins with numbers; its first line must name the columns")]
-    HeaderOfNumbers,
+    #[error(
+        "begins with numbers, so its columns are called `1` to `{columns}`; say in {} which is which, or name them in the first \
+         line", mapping.display()
+    )]
+    HeaderOfNumbers {
+        /// How many.
+        columns: usize,
+        /// The mapping file that could say.
+        mapping: PathBuf,
+    },
     /// No column is a signal.
     #[error(
         "no column is named JOINT.SIGNAL, and {} does not say which column is which signal; its columns are {}",
@@ -242,6 +267,14 @@ pub enum ReadProblem {
         mapping: PathBuf,
         /// What the header line holds.
         columns: Vec<String>,
+    },
+    /// A guess that somebody must look at.
+    #[error("what is in {} is doubtful (`{}`: {})", list(.columns), one_line(.columns.first().map_or("", String::as_str)), one_line(why))]
+    Doubtful {
+        /// The doubtful ones.
+        columns: Vec<String>,
+        /// Of the first.
+        why: String,
     },
     /// A mapped column is not there.
     #[error("has no column `{}`, which `{}` in the mapping file asks for{}", one_line(column), one_line(key), did_you_mean(.nearest))]
@@ -306,10 +339,12 @@ pub enum ReadProblem {
         column: String,
     },
     /// Neither a time column nor a sample rate.
-    #[error("has no column `time_s`; name the time column in {} (`[columns]`, `time_s = \"…\"`) or give `sample_rate_hz` there", mapping.display())]
+    #[error("has no column `time_s`; name the time column in {} (`[columns]`, `time_s = \"…\"`) or give `sample_rate_hz` there; its columns are {}", mapping.display(), list(.columns))]
     NoTimeColumn {
         /// The mapping file that could say.
         mapping: PathBuf,
+        /// What the log has.
+        columns: Vec<String>,
     },
     /// The mapping file is wrong.
     #[error("its mapping file {}: {problem}", mapping.display())]

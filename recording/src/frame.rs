@@ -2,8 +2,9 @@
 
 use crate::builder::TableBuilder;
 use crate::clock::{Clock, Instant, UnitsPerSecond};
-use crate::columns::{Cells, Known, Plan, whole};
+use crate::columns::{Cells, Known, Plan, joint_and_signal, whole};
 use crate::error::Place;
+use crate::guess::{Guess, GuessJoint, guess_frame};
 use crate::mapping::Mapping;
 use crate::names::array_signal;
 use crate::{JOINTS_MAX, ReadProblem, Recording, Signal};
@@ -85,6 +86,11 @@ pub(crate) struct Array {
 }
 
 impl Array {
+    /// How many in each column.
+    pub(crate) fn rows(&self) -> usize {
+        self.columns.first().map_or(0, Values::len)
+    }
+
     /// How many in all columns.
     pub(crate) fn values(&self) -> usize {
         self.columns.iter().map(Values::len).sum()
@@ -180,6 +186,39 @@ impl Frame {
             .find(|array| array.columns.contains(&column))?;
         let name = self.joint_names.get(column - array.columns.start)?;
         Some((name, array.signal))
+    }
+
+    /// How many columns the array of a column has, if it is in one whose name tells the signal.
+    pub(crate) fn width_of(&self, column: usize) -> Option<usize> {
+        let mut arrays = self.arrays.iter();
+        let array = arrays.find(|array| array.columns.contains(&column))?;
+        Some(array.columns.len())
+    }
+
+    /// Whether its format or its columns' names say what it holds, in which unit and on which side of the gear.
+    fn tells_itself(&self) -> bool {
+        let is_signal = |column: &Column| joint_and_signal(&column.name).is_some();
+        !self.known.is_empty() || self.columns.iter().any(is_signal)
+    }
+
+    /// The table of these columns, with a guess of what they hold where nothing tells it.
+    pub(crate) fn into_guessed_table(
+        self,
+        mapping_path: &Path,
+        joints: &[GuessJoint],
+    ) -> Result<(Recording, Option<Guess>), ReadProblem> {
+        if self.tells_itself() {
+            let table = self.into_table(&Mapping::default(), mapping_path)?;
+            return Ok((table, None));
+        }
+        let guess = guess_frame(&self, joints);
+        if guess.columns.is_empty() {
+            let table = self.into_table(&Mapping::default(), mapping_path)?;
+            return Ok((table, None));
+        }
+        let mapping = guess.mapping(mapping_path)?;
+        let table = self.into_table(&mapping, mapping_path)?;
+        Ok((table, Some(guess)))
     }
 
     /// Gives the columns of arrays to the joints, where these have names.

@@ -1,9 +1,9 @@
-//! Recordings: MCAP, Parquet and CSV files, read and written.
+//! Recordings: MCAP, Parquet and CSV files, read and written; bags of ROS and files of arrays, read.
 //!
 //! [`Writer`] appends one row per control cycle to an MCAP file that common viewers and libraries open: the
-//! schemas travel in the file. [`read`] turns a recording, or a CSV or Parquet log with a mapping file beside it, into
-//! the columns of a [`Recording`]; [`read_cycles`] hands over an MCAP file's rows with what the table leaves
-//! out (loop timing, live estimates, what an emulated plant really did).
+//! schemas travel in the file. [`read`] turns a recording, or a foreign log with a mapping file beside it, into the
+//! columns of a [`Recording`], and [`read_guessing`] does without the mapping file where it can; [`read_cycles`] hands
+//! over an MCAP file's rows with what the table leaves out (loop timing, live estimates, what an emulated plant really did).
 //!
 //! SI units. `motor_` names the side before the gear, `link_` or `joint_` the side after it; positive about the
 //! joint's axis on both sides.
@@ -75,8 +75,8 @@ pub const VALUES_MAX: usize = 1 << 29;
 
 /// Reads a recording or a log, with the mapping file beside it if there is one: `NAME.mapping.toml` for `NAME.csv`, or
 /// `NAME.toml` unless that is a robot file. What it is is told by its first bytes, then by its name: MCAP (ours, or of
-/// ROS), Parquet, SQLite or folder of rosbag2, NumPy `.npz`, a LeRobot dataset's folder, any of them compressed with
-/// Zstandard, or CSV (`.csv`, `.tsv`, `.txt`). Columns have the names of [`Signal`]s, or the mapping file names them;
+/// ROS), ROS 1 bag, Parquet, SQLite or folder of rosbag2, NumPy `.npz`, MATLAB `.mat`, HDF5, a LeRobot dataset's folder, any
+/// of them compressed with Zstandard, or CSV (`.csv`, `.tsv`, `.txt`, `.dat`). Columns have the names of [`Signal`]s, or the mapping file names them;
 /// messages of ROS say themselves what they hold.
 ///
 /// # Errors
@@ -91,6 +91,36 @@ pub fn read(path: &Path) -> Result<Recording, ReadError> {
 /// As [`read`]; also if there is no such mapping file, or the log is a recording of ours, which needs none.
 pub fn read_mapped(path: &Path, mapping_path: &Path) -> Result<Recording, ReadError> {
     read_with(path, Some(mapping_path))
+}
+
+/// Reads a log of a robot with these joints. Where neither a mapping file nor the log itself says what its columns hold, that is
+/// guessed as [`guess`] does it and handed over; the guess is in the metadata too, as `columns_guessed`.
+///
+/// # Errors
+/// As [`read`]; also [`ReadProblem::Doubtful`] where the guess needs somebody to look at it.
+pub fn read_guessing(
+    path: &Path,
+    joints: &[GuessJoint],
+) -> Result<(Recording, Option<Guess>), ReadError> {
+    let mapping = MappingFile {
+        log: path,
+        given: None,
+    };
+    if mapping.file().is_some() {
+        return Ok((read(path)?, None));
+    }
+    let read = sources::source(path).and_then(|source| source.read_guessing(path, joints));
+    let (mut recording, guess) = read.map_err(|problem| ReadError {
+        path: path.to_owned(),
+        problem,
+    })?;
+    if let Some(guess) = &guess {
+        let lines = guess.lines().join("; ");
+        recording
+            .metadata
+            .insert("columns_guessed".to_owned(), lines);
+    }
+    Ok((recording, guess))
 }
 
 fn read_with(path: &Path, given: Option<&Path>) -> Result<Recording, ReadError> {

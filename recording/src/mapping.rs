@@ -55,19 +55,27 @@ impl MappingFile<'_> {
 
     /// The mapping, and the file it was read from or, where there is none, could be written to.
     pub(crate) fn load(&self) -> Result<(Mapping, PathBuf), ReadProblem> {
+        match self.file() {
+            Some(file) => Ok((Mapping::at(&file)?, file)),
+            None => Ok((Mapping::default(), mapping_beside(self.log))),
+        }
+    }
+
+    /// The mapping file, if there is one.
+    pub(crate) fn file(&self) -> Option<PathBuf> {
         if let Some(given) = self.given {
-            return Ok((Mapping::at(given)?, given.to_owned()));
+            return Some(given.to_owned());
         }
         let own = mapping_beside(self.log);
         if !matches!(own.try_exists(), Ok(false)) {
-            return Ok((Mapping::at(&own)?, own));
+            return Some(own);
         }
         let of_the_name = self.log.with_extension("toml");
         match std::fs::read_to_string(&of_the_name) {
             // Not a mapping: people name the robot's file and its log after the robot.
-            Ok(text) if is_robot_file(&text) => Ok((Mapping::default(), own)),
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok((Mapping::default(), own)),
-            _ => Ok((Mapping::at(&of_the_name)?, of_the_name)),
+            Ok(text) if is_robot_file(&text) => None,
+            Err(error) if error.kind() == ErrorKind::NotFound => None,
+            _ => Some(of_the_name),
         }
     }
 }
@@ -89,7 +97,7 @@ impl Mapping {
             .map_err(|wrong| problem(path, wrong))
     }
 
-    fn parse(text: &str) -> Result<Self, MappingProblem> {
+    pub(crate) fn parse(text: &str) -> Result<Self, MappingProblem> {
         let file: Table = text
             .parse()
             .map_err(|error: toml::de::Error| MappingProblem::Toml {

@@ -2,6 +2,8 @@
 //! in which unit.
 
 use crate::Signal;
+use crate::clock::time_column;
+use crate::columns::{TIME, joint_and_signal};
 use std::f64::consts::PI;
 
 /// What kind of value a name is of.
@@ -71,19 +73,16 @@ const REFERENCE: &[&str] = &[
     "action",
     "d",
 ];
-const MOTOR: &[&str] = &["motor", "rotor", "drive"];
+const MOTOR: &[&str] = &["motor", "mot", "rotor", "drive"];
 const LINK: &[&str] = &["link", "joint", "load", "output"];
 /// Said of measured values, and of nothing else.
-const FILLERS: &[&str] = &[
-    "measured",
-    "meas",
-    "actual",
-    "act",
-    "observation",
-    "obs",
-    "s",
-    "data",
+const MEASURED: &[&str] = &["measured", "meas", "actual", "act"];
+/// Said of what is computed from values of that kind, or bounds them.
+const OF_OTHERS: &[&str] = &[
+    "error", "err", "std", "var", "min", "max", "limit", "offset",
 ];
+/// Said of values without saying anything.
+const FILLERS: &[&str] = &["observation", "observations", "obs", "s", "data"];
 /// Unit, what it is a unit of, and SI per unit. Of a velocity per second where a time does not follow.
 const UNITS: &[(&str, Quantity, f64)] = &[
     ("rad", Quantity::Position, 1.0),
@@ -104,8 +103,86 @@ const UNITS: &[(&str, Quantity, f64)] = &[
     ("c", Quantity::Temperature, 1.0),
 ];
 
-/// The words of a name, in small letters: parted by marks, by capitals and before a number at the end.
-fn words(name: &str) -> Vec<String> {
+/// Units of other things than joints, and of times.
+const OTHER_UNITS: &[&str] = &[
+    "s", "sec", "seconds", "ms", "us", "µs", "ns", "min", "h", "hz", "khz", "m", "mm", "cm", "n",
+    "kn", "v", "mv", "w", "kg", "g", "k", "bool", "int", "1", "2",
+];
+/// How units are written, and the words that are known for them.
+const SPELLINGS: &[(&str, &str)] = &[
+    ("°C", "degC"),
+    ("°", "deg"),
+    ("º", "deg"),
+    ("rev/min", "rpm"),
+    ("U/min", "rpm"),
+    ("1/min", "rpm"),
+    ("N·m", "Nm"),
+    ("N⋅m", "Nm"),
+    ("N*m", "Nm"),
+    ("N.m", "Nm"),
+    ("N-m", "Nm"),
+];
+
+/// Whether these are the units of columns: known ones, or nothing.
+pub(crate) fn are_units(fields: &[String]) -> bool {
+    let is_known = |word: &String| {
+        UNITS.iter().any(|(unit, _, _)| unit == word) || OTHER_UNITS.contains(&&**word)
+    };
+    let nothing = |field: &str| matches!(field.trim_matches(['[', ']', '(', ')']), "" | "-" | "%");
+    let is_unit = |field: &String| {
+        let words = words(&spelled(field));
+        field.parse::<f64>().is_err() && !words.is_empty() && words.iter().all(is_known)
+    };
+    fields.iter().any(is_unit) && fields.iter().all(|field| nothing(field) || is_unit(field))
+}
+
+/// A name with the units in it written as they are known.
+fn spelled(name: &str) -> String {
+    let mut name = name.to_owned();
+    for (written, known) in SPELLINGS {
+        name = name.replace(written, known);
+    }
+    name
+}
+
+/// What is left of a column's name without that joint's, if it is in there.
+pub(crate) fn without_joint(column: &str, joint: &str) -> Option<String> {
+    let (mut column, joint) = (words(&spelled(column)), words(joint));
+    let at = column
+        .windows(joint.len().max(1))
+        .position(|part| part == joint)?;
+    column.drain(at..at + joint.len());
+    Some(column.join("_"))
+}
+
+/// Whether a name says that its values were measured.
+pub(crate) fn says_measured(name: &str) -> bool {
+    words(name).iter().any(|word| MEASURED.contains(&&**word))
+}
+
+/// Whether a name is that of a joint and says nothing else: `joint_3`, `J1`, `Axis 2`.
+pub(crate) fn is_numbered_joint(name: &str) -> bool {
+    let name = words(name).concat();
+    let letters = name.trim_end_matches(|c: char| c.is_ascii_digit());
+    matches!(letters, "joint" | "j" | "axis") && letters.len() < name.len()
+}
+
+/// The name of a column and the unit that another line tells of it, unless the name tells it already.
+pub(crate) fn with_unit(name: String, unit: &str) -> String {
+    let unit = unit.trim_matches(['[', ']', '(', ')']).trim();
+    let is_told = name == TIME
+        || joint_and_signal(&name).is_some()
+        || time_column(&name).flatten().is_some()
+        || meaning(&name).is_some_and(|meaning| meaning.scale.is_some());
+    match unit {
+        "" | "-" => name,
+        _ if is_told => name,
+        unit => format!("{name} [{unit}]"),
+    }
+}
+
+/// The words of a name, in small letters: parted by marks and by capitals.
+pub(crate) fn words(name: &str) -> Vec<String> {
     let mut words: Vec<String> = vec![String::new()];
     let mut before = ' ';
     for c in name.chars() {
@@ -132,7 +209,10 @@ fn words(name: &str) -> Vec<String> {
 pub(crate) fn meaning(name: &str) -> Option<Meaning> {
     let (mut quantity, mut is_reference, mut is_motor, mut unit) = (None, false, None, None);
     let mut rest = Vec::new();
-    for word in words(name) {
+    for word in words(&spelled(name)) {
+        if OF_OTHERS.contains(&&*word) {
+            return None;
+        }
         let letters = word.trim_end_matches(|c: char| c.is_ascii_digit());
         let number = &word[letters.len()..];
         let is = |known: &[&str]| known.contains(&letters);
@@ -157,7 +237,7 @@ pub(crate) fn meaning(name: &str) -> Option<Meaning> {
         } else if let Some(found) = unit_of_word.filter(|_| quantity.is_some()) {
             unit = Some(found);
             continue;
-        } else if !(is(FILLERS) && number.is_empty()) {
+        } else if !((is(FILLERS) || is(MEASURED)) && number.is_empty()) {
             rest.push(word.clone());
             continue;
         }
@@ -165,9 +245,10 @@ pub(crate) fn meaning(name: &str) -> Option<Meaning> {
             rest.push(number.to_owned());
         }
     }
-    // An action with nothing else is where a policy sends the joint.
-    let quantity = quantity
-        .or((is_reference && rest.is_empty() && name == "action").then_some(Quantity::Position))?;
+    // An action with nothing else but a number is where a policy sends the joint.
+    let is_number = |word: &String| word.bytes().all(|byte| byte.is_ascii_digit());
+    let is_action = is_reference && name.starts_with("action") && rest.iter().all(is_number);
+    let quantity = quantity.or(is_action.then_some(Quantity::Position))?;
     let scale = unit.and_then(|(_, of, scale)| match (of, quantity) {
         (of, quantity) if *of == quantity => Some(*scale),
         (Quantity::Position, Quantity::Velocity) => Some(*scale),
@@ -234,7 +315,15 @@ mod tests {
         ] {
             assert_eq!(array_signal(name), Some(signal), "{name}");
         }
-        for other in ["tau_des", "images", "wrench", "q_left", ""] {
+        for other in [
+            "tau_des",
+            "images",
+            "wrench",
+            "q_left",
+            "error_pos_deg",
+            "q_max",
+            "",
+        ] {
             assert_eq!(array_signal(other), None, "{other}");
         }
     }
@@ -256,6 +345,28 @@ mod tests {
             (Quantity::Velocity, Some(PI / 30.0))
         );
         assert_eq!(meaning("wrist_current_mA").unwrap().scale, Some(1e-3));
+        for (name, scale) in [
+            ("q [°]", PI / 180.0),
+            ("speed (1/min)", PI / 30.0),
+            ("tau [N·m]", 1.0),
+        ] {
+            let told = meaning(name).unwrap();
+            assert_eq!((told.scale, told.rest), (Some(scale), vec![]), "{name}");
+        }
         assert_eq!(meaning("comment"), None);
+    }
+
+    #[test]
+    fn a_unit_from_another_line_is_added_where_the_name_tells_none() {
+        for (name, unit, expected) in [
+            ("q1", "[deg]", "q1 [deg]"),
+            ("t", "ms", "t [ms]"),
+            ("time_s", "s", "time_s"),
+            ("elbow.motor_torque_nm", "mNm", "elbow.motor_torque_nm"),
+            ("q1_rad", "deg", "q1_rad"),
+            ("mode", "-", "mode"),
+        ] {
+            assert_eq!(with_unit(name.to_owned(), unit), expected);
+        }
     }
 }

@@ -147,11 +147,11 @@ fn arrays_of_numpy_need_one_line() {
 fn arrays_that_do_not_fit_are_refused_in_words() {
     let folder = Folder::new();
     let short = npz(&[
-        ("time", npy("<f8", false, "2,", &doubles(&[0.0, 1.0]))),
-        ("q", npy("<f8", false, "3,", &doubles(&[0.0; 3]))),
+        ("time", npy("<f8", false, "20,", &doubles(&[0.0; 20]))),
+        ("q", npy("<f8", false, "21,", &doubles(&[0.0; 21]))),
     ]);
     let refusal = folder.refusal(&folder.write("short.npz", short));
-    assert_eq!(refusal, "`q` has 3 rows, but `time` 2; make them as long");
+    assert_eq!(refusal, "`q` has 21 rows, but `time` 20; make them as long");
     let cut = npz(&[("q", npy("<f8", false, "3,", &doubles(&[0.0; 2])))]);
     assert!(
         folder
@@ -164,6 +164,14 @@ fn arrays_that_do_not_fit_are_refused_in_words() {
             .refusal(&folder.write("bomb.npz", bomb))
             .contains("at most")
     );
+    let head = [
+        b"\x93NUMPY\x02\0",
+        &(1_u32 << 31).to_le_bytes()[..],
+        &[b' '; 1 << 20],
+    ]
+    .concat();
+    let refusal = folder.refusal(&folder.write("head.npz", npz(&[("q", head)])));
+    assert!(refusal.contains("description"), "{refusal}");
 }
 
 /// A dataset's episodes: `timestamp`, `episode_index` and lists of `state` and `action`; the parser of schemas takes no names with a point.

@@ -5,10 +5,21 @@ mod common;
 
 use common::{header, write_cycles, write_recording};
 use proptest::prelude::*;
-use recording::{ReadProblem, Recording, Writer, read};
+use recording::{GuessJoint, ReadProblem, Recording, Writer, read, read_guessing};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::LazyLock;
+
+/// Reads it for a robot too, with a guess of what it holds.
+fn read_guessed(path: &Path) -> Result<Recording, ReadProblem> {
+    let joints = ["elbow", "joint1"].map(|name| GuessJoint {
+        name: name.to_owned(),
+        gear_ratio: 50.0,
+    });
+    let read = read_guessing(path, &joints);
+    read.map(|(recording, _)| recording)
+        .map_err(|error| error.problem)
+}
 
 fn read_bytes(folder: &Path, name: &str, bytes: &[u8]) -> Result<Recording, ReadProblem> {
     let path = folder.join(name);
@@ -332,7 +343,7 @@ proptest! {
 
     #[test]
     fn any_csv_and_any_mapping_are_read_or_refused(
-        csv in "(time_s|segment|a\\.motor_torque_nm|[,;\t\n\"0-9.e-]|nan|inf|\\PC){0,60}",
+        csv in "(time_s|segment|a\\.motor_torque_nm|elbow_pos|q1|tau|deg|ms|[ ,;\t\n\"0-9.e-]|nan|inf|\\PC){0,60}",
         mapping in "(sample_rate_hz|columns|joint|time_s|motor_torque_nm|scale|[\\[\\]={}\"\n0-9.a]){0,20}",
     ) {
         let folder = shared_folder();
@@ -341,6 +352,9 @@ proptest! {
             if let Err(problem) = read_bytes(folder, name, csv.as_bytes()) {
                 prop_assert!(!problem.to_string().contains('\n'), "{problem}");
             }
+        }
+        if let Err(problem) = read_guessed(&folder.join("alone.csv")) {
+            prop_assert!(!problem.to_string().contains('\n'), "{problem}");
         }
     }
 }

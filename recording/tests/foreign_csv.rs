@@ -99,6 +99,17 @@ fn a_mapping_adds_to_the_columns_that_have_their_names_and_wins_over_them() {
 }
 
 #[test]
+fn columns_without_names_have_numbers() {
+    let mapping = "[columns]\ntime_s = '1'\n[joint.j]\nlink_position_rad = '3'";
+    let recording = Log::new("0.5,7,0.1\n0.6,7,0.2\n").mapped(mapping).read();
+    assert_eq!(recording.time_s, [0.5, 0.6]);
+    assert_eq!(
+        recording.signal("j", Signal::LinkPositionRad).unwrap(),
+        [0.1, 0.2]
+    );
+}
+
+#[test]
 fn a_told_rate_stands_in_for_a_time_column_and_goes_before_the_shown_one() {
     let untimed = Log::new("j.motor_torque_nm\n1\n2\n3\n").mapped("sample_rate_hz = 4");
     assert_eq!(untimed.read().time_s, [0.0, 0.25, 0.5]);
@@ -143,7 +154,7 @@ fn pendulum(header: &str, separator: &str, mark: &str, clock: impl Fn(u32) -> St
 fn the_same_rows_are_the_same_recording_however_they_are_written() {
     let plain = Log::new(pendulum("time_s", ",", ".", |ms| format!("0.{ms:03}"))).read();
     assert_eq!(plain.time_s, [0.0, 0.002, 0.004]);
-    let since_start: [(&str, String); 7] = [
+    let since_start: [(&str, String); 9] = [
         (
             "a German spreadsheet",
             pendulum("time_s", ";", ",", |ms| format!("0.{ms:03}")),
@@ -169,6 +180,15 @@ fn the_same_rows_are_the_same_recording_however_they_are_written() {
             "\u{feff}# robot 3\r\n% calibrated\r\n".to_owned()
                 + &pendulum("time_s", ",", ".", |ms| format!("0.{ms:03}"))
                     .replace('\n', "\r\n# and\r\n"),
+        ),
+        (
+            "spaces, so that numbers stand below each other",
+            pendulum("time_s", "   ", ".", |ms| format!("0.{ms:03}"))
+                .replace("0.5   \n", "0.5   nan\n"),
+        ),
+        (
+            "a line of units",
+            pendulum("time", ",", ".", |ms| ms.to_string()).replacen('\n', "\nms,rad,Nm\n", 1),
         ),
         (
             "names in a comment",
@@ -271,11 +291,9 @@ fn refusals_say_where_and_what_to_change() {
         "has 1 rows, from which no sample rate can be told; give `sample_rate_hz` in log.mapping.toml"
     ));
     assert!(Log::new("").refusal().starts_with("is empty"));
-    assert!(
-        Log::new("0.1,0.2\n0.3,0.4\n")
-            .refusal()
-            .starts_with("begins with numbers")
-    );
+    assert!(Log::new("0.1,0.2\n0.3,0.4\n").refusal().starts_with(
+        "begins with numbers, so its columns are called `1` to `2`; say in log.mapping.toml"
+    ));
     assert!(
         Log::new("j.motor_torque_nm\n1\n")
             .refusal()

@@ -1,7 +1,9 @@
 //! What the columns of a foreign log are taken for.
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use recording::{Guess, GuessJoint, Signal, Sure, guess, mapping_beside, read};
+use recording::{
+    Guess, GuessJoint, ReadProblem, Signal, Sure, guess, mapping_beside, read, read_guessing,
+};
 use std::f64::consts::PI;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -26,12 +28,16 @@ impl Log {
     }
 
     fn guess(&self, joints: &[(&str, f64)]) -> Guess {
-        let joint = |(name, gear_ratio): &(&str, f64)| GuessJoint {
-            name: (*name).to_owned(),
-            gear_ratio: *gear_ratio,
-        };
-        guess(&self.path(), &joints.iter().map(joint).collect::<Vec<_>>()).unwrap()
+        guess(&self.path(), &guess_joints(joints)).unwrap()
     }
+}
+
+fn guess_joints(joints: &[(&str, f64)]) -> Vec<GuessJoint> {
+    let joint = |(name, gear_ratio): &(&str, f64)| GuessJoint {
+        name: (*name).to_owned(),
+        gear_ratio: *gear_ratio,
+    };
+    joints.iter().map(joint).collect()
 }
 
 fn swing(time_s: f64) -> (f64, f64) {
@@ -120,6 +126,22 @@ fn the_mapping_file_that_is_written_is_read() {
 }
 
 #[test]
+fn a_mapping_without_a_time_says_what_to_write() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.csv");
+    std::fs::write(&path, "time,stamp,q\n0,7,0.1\n0.1,8,0.2\n").unwrap();
+    let guess = guess(&path, &guess_joints(&[("shoulder", 1.0)])).unwrap();
+    assert!(!guess.has_time);
+    let text = guess.to_toml();
+    assert!(text.contains("# sample_rate_hz = 500.0\n"), "{text}");
+    std::fs::write(mapping_beside(&path), &text).unwrap();
+    assert!(read(&path).is_err());
+    let with_rate = text.replace("# sample_rate_hz", "sample_rate_hz");
+    std::fs::write(mapping_beside(&path), with_rate).unwrap();
+    assert_eq!(read(&path).unwrap().time_s, [0.0, 0.002]);
+}
+
+#[test]
 fn joints_are_counted_from_the_least_number() {
     let row = |time_s| vec![swing(time_s).0, 2.0 * swing(time_s).0];
     let joints = [("shoulder", 1.0), ("elbow", 1.0)];
@@ -134,4 +156,140 @@ fn joints_are_counted_from_the_least_number() {
     }
     let guess = Log::new("q0,elbow_pos", row).guess(&joints);
     assert_eq!(told(&guess, "elbow_pos").3, Sure::Likely);
+}
+
+#[test]
+fn columns_from_zero_are_the_joints_from_one_on() {
+    let log = Log::new("q0,q1", |time_s| vec![swing(time_s).0, 0.5]);
+    let guess = log.guess(&[("joint1", 1.0), ("joint2", 1.0)]);
+    let of: Vec<&str> = guess.columns.iter().map(|found| &*found.joint).collect();
+    assert_eq!(of, ["joint1", "joint2"]);
+}
+
+#[test]
+fn what_is_certain_enough_is_read_without_a_mapping_and_said() {
+    let log = Log::new("elbow_pos_deg,elbow_motor_torque", |time_s| {
+        vec![20.0 * swing(time_s).0, 1.5]
+    });
+    let joints = guess_joints(&[("elbow", 100.0)]);
+    let (recording, guess) = read_guessing(&log.path(), &joints).unwrap();
+    let line = "elbow: motor_torque_nm is `elbow_motor_torque`, link_position_rad is 0.017453 × `elbow_pos_deg`";
+    assert_eq!(guess.unwrap().lines(), [line]);
+    assert_eq!(recording.metadata["columns_guessed"], line);
+    assert_eq!(
+        recording.signal("elbow", Signal::MotorTorqueNm).unwrap()[9],
+        1.5
+    );
+    // A mapping file goes before any guess.
+    let mapping = "[joint.elbow]\nmotor_position_rad = 'elbow_pos_deg'";
+    std::fs::write(mapping_beside(&log.path()), mapping).unwrap();
+    let (recording, guess) = read_guessing(&log.path(), &joints).unwrap();
+    assert!(guess.is_none());
+    assert!(recording.signal("elbow", Signal::MotorPositionRad).is_ok());
+}
+
+#[test]
+fn what_is_doubtful_or_told_already_is_not_guessed() {
+    let joints = guess_joints(&[("elbow", 100.0)]);
+    let log = Log::new("q,tau", |time_s| vec![swing(time_s).0, 70.0]);
+    let problem = read_guessing(&log.path(), &joints).unwrap_err().problem;
+    assert!(matches!(&problem, ReadProblem::Doubtful { columns, .. } if columns == &["tau"]));
+    assert!(
+        problem
+            .to_string()
+            .starts_with("what is in `tau` is doubtful (`tau`: by its name;")
+    );
+    let log = Log::new("elbow.link_position_rad,tau", |time_s| {
+        vec![swing(time_s).0, 70.0]
+    });
+    let (recording, guess) = read_guessing(&log.path(), &joints).unwrap();
+    assert!(guess.is_none() && recording.signal("elbow", Signal::LinkPositionRad).is_ok());
+    let log = Log::new("wind", |_| vec![1.0]);
+    let problem = read_guessing(&log.path(), &joints).unwrap_err().problem;
+    assert!(
+        matches!(problem, ReadProblem::NoSignals { .. }),
+        "{problem}"
+    );
+}
+
+#[test]
+fn a_line_of_units_is_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.csv");
+    let mut text = "t q1 motor_torque1\n[ms] [°] [N·m]\n".to_owned();
+    for row in 0..500 {
+        let angle = 20.0 * swing(f64::from(row) * 0.002).0;
+        writeln!(text, "{:6} {angle:9.4}  2.5", 2 * row).unwrap();
+    }
+    std::fs::write(&path, text).unwrap();
+    let (recording, _) = read_guessing(&path, &guess_joints(&[("elbow", 1.0)])).unwrap();
+    assert_eq!(recording.time_s[1], 0.002);
+    let angle = recording.signal("elbow", Signal::LinkPositionRad).unwrap()[100];
+    assert!((angle - (20.0 * swing(0.2).0).to_radians()).abs() < 1e-5);
+    assert_eq!(
+        recording.signal("elbow", Signal::MotorTorqueNm).unwrap()[1],
+        2.5
+    );
+}
+
+#[test]
+fn joints_are_known_by_names_that_say_something_themselves() {
+    let row = |time_s| vec![swing(time_s).0, swing(time_s).1, 0.5];
+    let header = "- arm_1_joint_position,arm_1_joint_velocity,panda_joint10_effort";
+    let joints = [
+        ("arm_1_joint", 1.0),
+        ("panda_joint1", 1.0),
+        ("panda_joint10", 1.0),
+    ];
+    let guess = Log::new(header, row).guess(&joints);
+    let (joint, signal, _, _) = told(&guess, "- arm_1_joint_position");
+    assert_eq!((&*joint, signal), ("arm_1_joint", Signal::LinkPositionRad));
+    let (joint, signal, _, _) = told(&guess, "arm_1_joint_velocity");
+    assert_eq!((&*joint, signal), ("arm_1_joint", Signal::LinkVelocityRadS));
+    let (joint, signal, _, _) = told(&guess, "panda_joint10_effort");
+    assert_eq!((&*joint, signal), ("panda_joint10", Signal::JointTorqueNm));
+}
+
+#[test]
+fn a_joints_name_alone_is_its_position_by_custom_only() {
+    let row = |time_s| vec![swing(time_s).0, 0.5];
+    for header in ["shoulder,elbow", "joint_0,joint_1", "J1,J2"] {
+        let guess = Log::new(header, row).guess(&[("shoulder", 1.0), ("elbow", 1.0)]);
+        let elbow = &guess.columns[1];
+        assert_eq!(
+            (&*elbow.joint, elbow.signal),
+            ("elbow", Signal::LinkPositionRad),
+            "{header}"
+        );
+        assert_eq!(elbow.sure, Sure::Doubtful);
+    }
+}
+
+#[test]
+fn what_most_positions_are_in_all_are_in() {
+    let row = |time_s| {
+        vec![
+            60.0 * swing(time_s).0,
+            40.0 * swing(time_s).0,
+            5.0 * swing(time_s).0,
+        ]
+    };
+    let joints = [("a", 1.0), ("b", 1.0), ("c", 1.0)];
+    for header in [
+        "q1,q2,q3",
+        "action[0],action[1],action[2]",
+        "Joint_1,Joint_2,Joint_3",
+    ] {
+        let guess = Log::new(header, row).guess(&joints);
+        let scales: Vec<f64> = guess.columns.iter().map(|found| found.scale).collect();
+        assert_eq!(scales, [PI / 180.0; 3], "{header}");
+    }
+}
+
+#[test]
+fn of_several_columns_for_one_signal_the_measured_one_is_taken() {
+    let log = Log::new("tau_model1,act_torque1_nm", |_| vec![1.0, 2.0]);
+    let guess = log.guess(&[("elbow", 1.0)]);
+    assert_eq!(guess.columns[0].column, "act_torque1_nm");
+    assert_eq!(guess.left_out[0].0, "tau_model1");
 }

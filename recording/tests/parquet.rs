@@ -406,11 +406,11 @@ fn a_compression_that_is_not_read_is_named() {
     let whole = std::fs::read(&path).unwrap();
     let named = (0..whole.len()).any(|at| {
         let mut changed = whole.clone();
-        changed[at] = 4; // gzip, 2, as the footer's variable-length integers are written
+        changed[at] = 8; // brotli, 4, as the footer's variable-length integers are written
         read_bytes(&changed).is_err_and(|error| {
             error
                 .to_string()
-                .starts_with("is compressed with `gzip`; only snappy, zstd")
+                .starts_with("is compressed with `brotli`; only snappy, gzip, lz4, zstd")
         })
     });
     assert!(named);

@@ -155,10 +155,13 @@ fn a_log_without_column_names_is_refused_with_what_to_do() {
     };
     let log = folder.join("Robot/measurement_1/trajectory.csv");
     let refused = read(&log).unwrap_err();
-    assert!(matches!(refused.problem, ReadProblem::HeaderOfNumbers));
+    assert!(matches!(
+        refused.problem,
+        ReadProblem::HeaderOfNumbers { .. }
+    ));
     assert!(
         refused
             .to_string()
-            .contains("first line must name the columns")
+            .contains("or name them in the first line")
     );
 }

@@ -39,10 +39,11 @@ pub struct GapDiagnoseArguments {
     /// The simulation: pa10, shd17, or a robot file
     #[arg(long, value_name = "NAME|FILE")]
     pub robot: String,
-    /// The robot: recording, or CSV or Parquet log with its mapping file beside it; may be given again
+    /// The robot: recording, bag of ROS, LeRobot dataset, or CSV, Parquet, .npz, .mat or HDF5 log; may be given again
     #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
     pub recording: Vec<PathBuf>,
-    /// Which column is which signal, for all recordings; NAME.mapping.toml beside each if not given
+    /// Which column is which signal, for all recordings; NAME.mapping.toml beside each if not given, else
+    /// guessed where that is certain
     #[arg(long, value_name = "FILE")]
     pub mapping: Option<PathBuf>,
     /// Folder for report.json and report.html
@@ -65,7 +66,9 @@ pub struct GapDiagnoseArguments {
 pub enum GapEngine {
     /// Inverse dynamics of the recorded motion
     Motion,
-    /// A simulation in the controller's loop
+    /// A simulation in the controller's loop, by the same score as motion
+    ClosedLoop,
+    /// A simulation in the controller's loop, by a score of its own
     Simulation,
 }
 
@@ -73,6 +76,7 @@ impl From<GapEngine> for gap_diagnosis::Engine {
     fn from(engine: GapEngine) -> Self {
         match engine {
             GapEngine::Motion => Self::Motion,
+            GapEngine::ClosedLoop => Self::ClosedLoop,
             GapEngine::Simulation => Self::Simulation,
         }
     }

@@ -22,11 +22,15 @@ use crate::output::{cannot_write, print, write_json, write_text};
 /// [`CliError::Input`] for bad input: the file and what is wrong with it.
 pub fn diagnose(arguments: &GapDiagnoseArguments) -> Result<(), CliError> {
     let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
-    let recordings = arguments
-        .recording
-        .iter()
-        .map(|path| super::read_mapped(path, arguments.mapping.as_deref()))
-        .collect::<Result<Vec<_>, _>>()?;
+    let mut recordings = Vec::new();
+    let mut guessed = String::new();
+    for path in &arguments.recording {
+        let mapping = arguments.mapping.as_deref();
+        let (recording, lines) =
+            crate::recording::read_of(path, mapping, &robot, &arguments.robot)?;
+        recordings.push((path.display().to_string(), recording));
+        guessed += &lines;
+    }
     let recorded: Vec<&str> = recordings
         .iter()
         .flat_map(|(_, recording)| recording.joint_names())
@@ -57,7 +61,7 @@ pub fn diagnose(arguments: &GapDiagnoseArguments) -> Result<(), CliError> {
     if arguments.json.as_deref() == Some(Path::new("-")) {
         return Ok(());
     }
-    print(&summary(&diagnosis.report, arguments.out.as_deref()))
+    print(&(guessed + &summary(&diagnosis.report, arguments.out.as_deref())))
 }
 
 /// Why no joint can be diagnosed, if so: what is wrong with the data of the first.

@@ -35,11 +35,6 @@ pub fn gap(command: &GapCommand) -> Result<(), CliError> {
 
 /// A recording with its name, read with the mapping file beside it.
 fn read(path: &Path) -> Result<(String, Recording), CliError> {
-    read_mapped(path, None)
-}
-
-/// A recording with its name, read with that mapping file or else the one beside it.
-fn read_mapped(path: &Path, mapping: Option<&Path>) -> Result<(String, Recording), CliError> {
-    let recording = crate::recording::read(path, mapping)?;
+    let recording = crate::recording::read(path, None)?;
     Ok((path.display().to_string(), recording))
 }

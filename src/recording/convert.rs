@@ -4,7 +4,7 @@ use std::path::Path;
 
 use recording::{Recording, WriteError, write_csv, write_mcap, write_parquet};
 
-use super::{cannot_write, read};
+use super::{cannot_write, read, read_of};
 use crate::cli::{RecordingExportArguments, RecordingImportArguments};
 use crate::error::CliError;
 use crate::output::{print, write_whole};
@@ -20,7 +20,15 @@ type Write = fn(&Recording, &Path) -> Result<(), WriteError>;
 /// # Errors
 /// [`CliError::Input`] if the log cannot be read or the recording not written.
 pub fn import(arguments: &RecordingImportArguments) -> Result<(), CliError> {
-    let mut table = read(&arguments.file, arguments.mapping.as_deref())?;
+    let (file, mapping) = (&arguments.file, arguments.mapping.as_deref());
+    let (mut table, guessed) = match &arguments.robot {
+        Some(name) => {
+            let robot = robot::load(name).map_err(CliError::input)?;
+            read_of(file, mapping, &robot, name)?
+        }
+        None => (read(file, mapping)?, String::new()),
+    };
+    print(&guessed)?;
     let name = arguments.file.file_name().unwrap_or_default();
     table
         .metadata

@@ -7,7 +7,7 @@ use comfy_table::{CellAlignment, Table, presets};
 use recording::{Finding, RecordingInfo, Severity, SignalInfo, check, describe};
 use serde::Serialize;
 
-use super::read;
+use super::{read, read_of};
 use crate::cli::RecordingInfoArguments;
 use crate::error::CliError;
 use crate::output::{print, write_json};
@@ -34,7 +34,11 @@ pub fn info(arguments: &RecordingInfoArguments) -> Result<(), CliError> {
     };
     let mut all = Vec::new();
     for file in &arguments.files {
-        let table = read(file, arguments.mapping.as_deref())?;
+        let mapping = arguments.mapping.as_deref();
+        let table = match (&robot, &arguments.robot) {
+            (Some(robot), Some(name)) => read_of(file, mapping, robot, name)?.0,
+            _ => read(file, mapping)?,
+        };
         all.push(Described {
             schema: 1,
             file: file.clone(),

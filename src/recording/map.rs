@@ -1,8 +1,9 @@
 //! `map`: guesses what the columns of a foreign log hold, and writes the mapping file.
 
 use comfy_table::{Table, presets};
-use recording::{Guess, GuessJoint, Sure, guess, mapping_beside};
+use recording::{Guess, guess, mapping_beside};
 
+use super::guess_joints;
 use crate::cli::RecordingMapArguments;
 use crate::error::CliError;
 use crate::output::{print, write_text};
@@ -14,14 +15,6 @@ use crate::output::{print, write_text};
 /// [`CliError::Negative`] if the guess is too doubtful to be written unasked.
 pub fn map(arguments: &RecordingMapArguments) -> Result<(), CliError> {
     let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
-    let joints: Vec<GuessJoint> = robot
-        .joints
-        .iter()
-        .map(|joint| GuessJoint {
-            name: joint.name.clone(),
-            gear_ratio: joint.gear_ratio,
-        })
-        .collect();
     let out = mapping_beside(&arguments.file);
     if out.exists() {
         return Err(CliError::Input(format!(
@@ -29,7 +22,7 @@ pub fn map(arguments: &RecordingMapArguments) -> Result<(), CliError> {
             out.display()
         )));
     }
-    let guess = guess(&arguments.file, &joints).map_err(CliError::input)?;
+    let guess = guess(&arguments.file, &guess_joints(&robot)).map_err(CliError::input)?;
     print(&told(&guess))?;
     if guess.columns.is_empty() {
         return Err(CliError::Input(format!(
@@ -39,11 +32,10 @@ pub fn map(arguments: &RecordingMapArguments) -> Result<(), CliError> {
             robot.joint_names().join(", ")
         )));
     }
-    let doubtful = guess
-        .columns
-        .iter()
-        .filter(|found| found.sure == Sure::Doubtful);
-    let doubtful: Vec<&str> = doubtful.map(|found| found.column.as_str()).collect();
+    let doubtful: Vec<&str> = guess
+        .doubtful()
+        .map(|found| found.column.as_str())
+        .collect();
     if !doubtful.is_empty() && !arguments.yes {
         return Err(CliError::Negative(format!(
             "doubtful: {}; nothing was written: look at the table, and give --yes if it is right",
@@ -51,7 +43,11 @@ pub fn map(arguments: &RecordingMapArguments) -> Result<(), CliError> {
         )));
     }
     write_text(&out, &guess.to_toml())?;
-    print(&format!("{}\n", out.display()))
+    let time = match guess.has_time {
+        true => "",
+        false => ": say in it which column is the time, or how many rows there were in a second",
+    };
+    print(&format!("{}{time}\n", out.display()))
 }
 
 fn told(guess: &Guess) -> String {

@@ -7,7 +7,8 @@ mod simulate;
 
 use std::path::Path;
 
-use recording::{Recording, WriteError};
+use recording::{GuessJoint, ReadProblem, Recording, WriteError, read_guessing};
+use robot::Robot;
 
 use crate::cli::RecordingCommand;
 use crate::error::CliError;
@@ -36,6 +37,52 @@ pub fn read(path: &Path, mapping: Option<&Path>) -> Result<Recording, CliError> 
         None => recording::read(path),
     };
     recording.map_err(CliError::input)
+}
+
+/// A recording of that robot, called so: where nothing says what a log holds it is guessed, and what was decided is told in
+/// one line for each joint, as the second.
+///
+/// # Errors
+/// [`CliError::Input`] for a file that cannot be read or a guess that is doubtful.
+pub fn read_of(
+    path: &Path,
+    mapping: Option<&Path>,
+    robot: &Robot,
+    robot_name: &str,
+) -> Result<(Recording, String), CliError> {
+    if mapping.is_some() {
+        return Ok((read(path, mapping)?, String::new()));
+    }
+    let (recording, guess) = read_guessing(path, &guess_joints(robot)).map_err(|error| {
+        let look = match error.problem {
+            ReadProblem::Doubtful { .. }
+            | ReadProblem::NoSignals { .. }
+            | ReadProblem::UnnamedJoints { .. } => format!(
+                "; see `flexspline recording map {} --robot {robot_name}`",
+                path.display()
+            ),
+            _ => String::new(),
+        };
+        CliError::Input(format!("{error}{look}"))
+    })?;
+    let lines = guess.map_or(Vec::new(), |guess| guess.lines());
+    let name = path.display();
+    let lines: String = lines
+        .iter()
+        .map(|line| format!("{name}: guessed: {line}\n"))
+        .collect();
+    Ok((recording, lines))
+}
+
+/// What a guess must know of the robot.
+fn guess_joints(robot: &Robot) -> Vec<GuessJoint> {
+    let joints = robot.joints.iter();
+    joints
+        .map(|joint| GuessJoint {
+            name: joint.name.clone(),
+            gear_ratio: joint.gear_ratio,
+        })
+        .collect()
 }
 
 /// A table that could not be written; the file is called as it was asked for.

@@ -111,6 +111,11 @@ impl Hypothesis {
         self.form.is_switch()
     }
 
+    /// Whether it is a cause of the whole arm, of which every joint carries its part.
+    pub fn is_of_arm(&self) -> bool {
+        self.form.is_shared() && self.form.is_carried()
+    }
+
     /// Whether the other joints feel it.
     pub fn is_felt(&self) -> bool {
         self.form.is_felt()

@@ -1,38 +1,63 @@
 //! The one score: how well a set of names predicts the tenths of a recording that it was not fitted to.
 //!
-//! `S = N/2 · ln(1 / mean square left out) - cost`, in nats. N is how many rows of what the best set leaves are independent: real
-//! joints always leave something, and that, with its own correlation, is the yardstick; not the noise of a sensor.
+//! `S = Σ N/2 · ln(1 / (mean square left out + floor²)) - cost`, in nats, summed over the channels that are compared. N is how many
+//! rows of what the best set leaves are independent: real joints always leave something, and that, with its own correlation, is the
+//! yardstick; not the noise of a sensor. What lies below a channel's floor is nobody's. What the file's values are strained is half
+//! the square of its standard deviations, in nats, by the prior that their tolerance is.
+
+use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
-
-use super::laws::Law;
 
 /// Parts of the recording that are left out in turn.
 pub const PARTS: usize = 10;
 /// Names of one joint at most.
 const NAMES_MAX: usize = 4;
 /// Cost of a name, in nats: odds of one to twenty against each of a dozen laws that is looked at.
-const NAME_NATS: f64 = 3.0;
-/// What Coulomb and viscous friction cost less where the file states no friction at all, in nats: every joint rubs, and it is the odds
-/// of a cause nobody expects that a name costs.
-const EXPECTED_NATS: f64 = 2.0;
-/// Cost of a freedom, in nats.
-const FREEDOM_NATS: f64 = 0.5;
+pub const NAME_NATS: f64 = 3.0;
 /// Cost of each amplitude after the first, in nats.
-const AMPLITUDE_NATS: f64 = 1.5;
+pub const AMPLITUDE_NATS: f64 = 1.5;
+/// Sets of one size that are made larger, the best first: all pairs of a dozen laws.
+const GROWN: usize = 80;
 /// Correlation below which rows count as independent.
 const INDEPENDENT: f64 = 0.05;
 /// Rows that are independent at least.
 const ROWS_LEAST: f64 = 10.0;
-/// Standard errors by which a value may pass a limit that no joint passes.
-const ERRORS: f64 = 2.0;
 /// Sets that fall behind the best by more nats than this have no weight: e⁻¹².
 const BEHIND: f64 = 12.0;
+/// Standard deviations of what a law is inexact by.
+const TRUER: f64 = 3.0;
 /// Keeps a matrix from being singular where two columns are alike, relative to a column's square.
 const ALIKE: f64 = 1e-9;
 
-/// Columns of one set of names, as a bit each in the order of the laws.
-pub type Names = u32;
+/// One set of names, as a bit each in the order of the items.
+pub type Names = u128;
+/// Items at most, one bit being a smooth law's.
+pub const ITEMS_MAX: usize = 127;
+
+/// Something that may be named.
+#[derive(Clone, Copy, Debug)]
+pub struct Item<'a> {
+    /// Items of one kind are one name with other shapes: a set holds one of them at most.
+    pub kind: usize,
+    /// What naming it costs, in nats.
+    pub cost: f64,
+    /// Standard deviation of its amplitudes, where something is known of them before anything is seen.
+    pub deviation: Option<f64>,
+    /// Whether every joint may have it.
+    pub is_usual: bool,
+    /// A column for each amplitude.
+    pub columns: &'a [Vec<f64>],
+}
+
+/// Rows of one compared signal, and what they hold whatever the model.
+#[derive(Clone, Debug)]
+pub struct Span {
+    /// Where they are.
+    pub rows: Range<usize>,
+    /// Root mean square of what nobody can tell of them.
+    pub floor_nm: f64,
+}
 
 /// What a shared cause's other joints say of its amplitudes: precision, and precision times mean, in the columns' own units.
 #[derive(Clone, Debug)]
@@ -47,37 +72,56 @@ pub struct Message {
 pub struct Problem<'a> {
     /// What is to be explained.
     pub gap_nm: &'a [f64],
-    /// Laws with their columns.
-    pub laws: &'a [(Law, Vec<Vec<f64>>)],
-    /// Whether friction is missing in the file, and so expected.
-    pub expects_friction: bool,
+    /// Signals, one after the other, together all rows.
+    pub spans: &'a [Span],
+    /// What may be named.
+    pub items: &'a [Item<'a>],
     /// Columns with a standard deviation of one.
     pub tolerated: &'a [Vec<f64>],
     /// Columns of a smooth law on no list, which may stand for names. They are one more place behind the laws.
     pub smooth: &'a [Vec<f64>],
+    /// Part of what the names explain by which no law is exact.
+    pub inexact: f64,
     /// A shared cause's columns, with what the other joints say of them.
     pub shared: Option<(&'a [Vec<f64>], &'a Message)>,
 }
 
 /// The sums of squares of a problem, part by part.
+#[derive(Clone)]
 pub struct Evidence {
-    laws: Vec<Law>,
-    /// Columns of each law.
-    own: Vec<std::ops::Range<usize>>,
+    /// Of each item.
+    kinds: Vec<usize>,
+    costs: Vec<f64>,
+    deviations: Vec<Option<f64>>,
+    usual: Names,
+    /// Columns of each item.
+    own: Vec<Range<usize>>,
     /// Scale of each column; laws first, then those in every set.
     scale: Vec<f64>,
     law_columns: usize,
-    expects_friction: bool,
     columns: Vec<Vec<f64>>,
     gap_nm: Vec<f64>,
-    parts: Vec<Sums>,
+    spans: Vec<Span>,
+    /// Of each span, part by part.
+    parts: Vec<Vec<Sums>>,
+    inexact: f64,
     shared: Option<Message>,
     shared_columns: usize,
-    /// Of the residual that decides.
-    pub independent_rows: f64,
-    variance: f64,
+    /// Of the residual that decides, span by span.
+    settled: Vec<Settled>,
     reduced: Vec<Reduced>,
     whole: Reduced,
+}
+
+/// What the best set leaves of a signal.
+#[derive(Clone, Copy, Debug)]
+pub struct Settled {
+    /// Rows that are as good as independent.
+    pub independent_rows: f64,
+    /// Mean square, the floor included.
+    pub variance: f64,
+    /// Mean square that is nobody's: the floor's, and what no law is exact by.
+    pub floor: f64,
 }
 
 #[derive(Clone)]
@@ -89,15 +133,23 @@ struct Sums {
 }
 
 /// A part left out, with the columns that are in every set eliminated.
+#[derive(Clone)]
 struct Reduced {
     train: DMatrix<f64>,
     train_vector: DVector<f64>,
-    test: DMatrix<f64>,
-    test_vector: DVector<f64>,
-    test_square: f64,
+    /// Span by span.
+    tests: Vec<Test>,
     /// Columns in every set: their values without laws, and per value of each law's column.
     rest: DVector<f64>,
     per_law: DMatrix<f64>,
+}
+
+/// What a part that is left out says of a fit.
+#[derive(Clone)]
+struct Test {
+    gram: DMatrix<f64>,
+    vector: DVector<f64>,
+    square: f64,
 }
 
 /// A set of names with its score.
@@ -107,17 +159,19 @@ pub struct Scored {
     pub names: Names,
     /// In nats.
     pub score: f64,
-    /// Sum of squares left out, part by part, over all rows.
+    /// Sum of squares left out, part by part, over all rows; of further signals in units of their floors, as large as the first's.
     pub left: [f64; PARTS],
 }
 
 /// Values of a set fitted to all rows.
 #[derive(Clone, Debug)]
 pub struct Fit {
-    /// Amplitudes of each law of the set, in the laws' order.
-    pub amplitudes: Vec<(Law, Vec<f64>)>,
+    /// Amplitudes of each item of the set, by its place.
+    pub amplitudes: Vec<(usize, Vec<f64>)>,
     /// Covariance of all amplitudes in that order.
     pub covariance: DMatrix<f64>,
+    /// Values of the columns in every set.
+    pub beside: Vec<f64>,
     /// What the set predicts of the gap.
     pub predicted_nm: Vec<f64>,
 }
@@ -125,11 +179,25 @@ pub struct Fit {
 impl Evidence {
     /// Of a problem; the rows' correlation is found with it.
     pub fn of(problem: &Problem<'_>) -> Self {
+        let mut evidence = Self::begun(problem);
+        evidence.settle();
+        evidence
+    }
+
+    /// Of a problem that is told beside another, by what that one's best set leaves.
+    pub fn beside(problem: &Problem<'_>, other: &Self) -> Self {
+        let mut evidence = Self::begun(problem);
+        evidence.settled.clone_from(&other.settled);
+        evidence.eliminate();
+        evidence
+    }
+
+    fn begun(problem: &Problem<'_>) -> Self {
         let mut columns: Vec<Vec<f64>> = Vec::new();
         let mut own = Vec::new();
-        for (_, of_law) in problem.laws {
-            own.push(columns.len()..columns.len() + of_law.len());
-            columns.extend(of_law.iter().cloned());
+        for item in problem.items {
+            own.push(columns.len()..columns.len() + item.columns.len());
+            columns.extend(item.columns.iter().cloned());
         }
         if !problem.smooth.is_empty() {
             own.push(columns.len()..columns.len() + problem.smooth.len());
@@ -154,37 +222,82 @@ impl Evidence {
             shared = Some(message.clone());
             shared_columns = of_shared.len();
         }
-        let parts = parts(&columns, problem.gap_nm);
-        let variance =
-            problem.gap_nm.iter().map(|x| x * x).sum::<f64>() / problem.gap_nm.len().max(1) as f64;
-        let mut evidence = Self {
-            laws: problem.laws.iter().map(|(law, _)| *law).collect(),
+        let spans = problem.spans.iter();
+        let begun = spans.clone().map(|span| {
+            let gap_nm = &problem.gap_nm[span.rows.clone()];
+            let square = gap_nm.iter().map(|x| x * x).sum::<f64>() / gap_nm.len().max(1) as f64;
+            Settled {
+                independent_rows: ROWS_LEAST,
+                // a tenth is left: the order of what real joints leave, before it is known
+                variance: (0.1 * square)
+                    .max(span.floor_nm.powi(2))
+                    .max(f64::MIN_POSITIVE),
+                floor: span.floor_nm.powi(2),
+            }
+        });
+        Self {
+            kinds: problem.items.iter().map(|item| item.kind).collect(),
+            costs: problem.items.iter().map(|item| item.cost).collect(),
+            deviations: problem.items.iter().map(|item| item.deviation).collect(),
+            usual: (0..problem.items.len())
+                .filter(|index| problem.items[*index].is_usual)
+                .fold(0, |names, index| names | 1 << index),
             own,
             scale,
             law_columns,
-            expects_friction: problem.expects_friction,
+            parts: spans
+                .map(|span| parts(&columns, problem.gap_nm, &span.rows))
+                .collect(),
             columns,
             gap_nm: problem.gap_nm.to_vec(),
-            parts,
+            settled: begun.collect(),
+            spans: problem.spans.to_vec(),
+            inexact: problem.inexact,
             shared,
             shared_columns,
-            independent_rows: ROWS_LEAST,
-            // a tenth is left: the order of what real joints leave, before it is known
-            variance: 0.1 * variance,
             reduced: Vec::new(),
             whole: Reduced::empty(),
+        }
+    }
+
+    /// What is explained, as it counts.
+    pub fn gap_nm(&self) -> &[f64] {
+        &self.gap_nm
+    }
+
+    /// What the best set leaves, signal by signal.
+    pub fn settled(&self) -> &[Settled] {
+        &self.settled
+    }
+
+    /// Rows that are as good as independent, of all signals.
+    pub fn independent_rows(&self) -> f64 {
+        self.settled.iter().map(|of| of.independent_rows).sum()
+    }
+
+    /// How many rows one row of a span counts for, beside a row of the first.
+    fn relative(&self) -> Vec<f64> {
+        let worth = |span: usize| {
+            let of = self.settled[span];
+            of.independent_rows / self.spans[span].rows.len().max(1) as f64 / of.variance
         };
-        evidence.settle();
-        evidence
+        (0..self.spans.len())
+            .map(|span| worth(span) / worth(0).max(f64::MIN_POSITIVE))
+            .collect()
     }
 
-    fn rows(&self) -> f64 {
-        self.gap_nm.len().max(1) as f64
-    }
-
-    /// The laws, in the order of a set's bits.
-    pub fn laws(&self) -> &[Law] {
-        &self.laws
+    /// How many rows' squares one row of a span has, beside a row of the first, for shares of the gap's energy: each signal in units of
+    /// its floor, as many rows of each.
+    fn energies(&self) -> Vec<f64> {
+        let first = &self.spans[0];
+        let of_floor = |span: &Span| {
+            let part = first.rows.len() as f64 / span.rows.len().max(1) as f64;
+            part * (first.floor_nm / span.floor_nm).powi(2)
+        };
+        let spans = self.spans.iter().enumerate();
+        spans
+            .map(|(index, span)| if index == 0 { 1.0 } else { of_floor(span) })
+            .collect()
     }
 
     /// Finds how many rows are independent: by what the best set leaves, which depends on how much the file's values may give, which
@@ -194,54 +307,93 @@ impl Evidence {
         const ROUNDS: usize = 2;
         for _ in 0..ROUNDS {
             self.eliminate();
-            let best = self
-                .sets()
-                .into_iter()
-                .map(|names| (names, self.left(names).iter().sum::<f64>()))
-                .min_by(|a, b| a.1.total_cmp(&b.1));
-            let Some((names, left)) = best else { return };
-            let fit = self.fit(names);
-            let rest: Vec<f64> = self
-                .gap_nm
-                .iter()
-                .zip(&fit.predicted_nm)
-                .map(|(gap, predicted)| gap - predicted)
-                .collect();
-            self.independent_rows = independent_rows(&rest);
-            self.variance = (left / self.rows()).max(f64::MIN_POSITIVE);
+            let best = self.sets().into_iter().max_by(|a, b| {
+                let fitted = |set: &Scored| set.score + self.cost(set.names);
+                fitted(a).total_cmp(&fitted(b))
+            });
+            let Some(best) = best else { return };
+            self.settle_by(best.names);
         }
         self.eliminate();
     }
 
-    /// Precision of one row: what a sum of squares is worth.
-    fn row_precision(&self) -> f64 {
-        self.independent_rows / self.rows() / self.variance
-    }
-
-    fn eliminate(&mut self) {
-        let total = self.parts.iter().skip(1).fold(
-            self.parts.first().cloned().unwrap_or_else(Sums::empty),
-            |sum, part| sum.plus(part, 1.0),
-        );
-        let prior = self.prior();
-        let lift = self.lift();
-        self.whole = Reduced::of(&total, &total, &prior, &lift);
-        self.reduced = self
-            .parts
+    fn settle_by(&mut self, names: Names) {
+        let fit = self.fit(names);
+        let rest: Vec<f64> = self
+            .gap_nm
             .iter()
-            .map(|part| Reduced::of(&total.plus(part, -1.0), part, &prior, &lift))
+            .zip(&fit.predicted_nm)
+            .map(|(gap, predicted)| gap - predicted)
+            .collect();
+        let left = self.left(names);
+        let without = self.left(0);
+        self.settled = self
+            .spans
+            .iter()
+            .enumerate()
+            .map(|(index, span)| {
+                let [mean, before] = [&left, &without].map(|of| {
+                    let square: f64 = of.iter().map(|part| part[index]).sum();
+                    square / span.rows.len().max(1) as f64
+                });
+                let inexact = self.inexact.powi(2) * (before - mean).max(0.0);
+                let floor = span.floor_nm.powi(2) + inexact;
+                Settled {
+                    independent_rows: independent_rows(&rest[span.rows.clone()]),
+                    variance: (mean + floor).max(f64::MIN_POSITIVE),
+                    floor,
+                }
+            })
             .collect();
     }
 
-    /// Prior of the laws' columns, in sums of squares: a law is as large as the gap, by one standard deviation, and no larger than is
+    /// Precision of one row of the first signal: what a sum of squares is worth.
+    fn row_precision(&self) -> f64 {
+        let of = self.settled[0];
+        of.independent_rows / self.spans[0].rows.len().max(1) as f64 / of.variance
+    }
+
+    fn total(&self) -> Sums {
+        let mut total = Sums::zero(self.columns.len());
+        for (of_span, factor) in self.parts.iter().zip(self.relative()) {
+            for part in of_span {
+                total.add(part, factor);
+            }
+        }
+        total
+    }
+
+    fn eliminate(&mut self) {
+        let total = self.total();
+        let relative = self.relative();
+        let prior = self.prior();
+        let lift = self.lift();
+        self.whole = Reduced::of(&total, &[], &prior, &lift);
+        self.reduced = (0..PARTS)
+            .map(|part| {
+                let mut train = total.clone();
+                for (of_span, factor) in self.parts.iter().zip(&relative) {
+                    train.add(&of_span[part], -factor);
+                }
+                let tests: Vec<&Sums> = self.parts.iter().map(|of_span| &of_span[part]).collect();
+                Reduced::of(&train, &tests, &prior, &lift)
+            })
+            .collect();
+    }
+
+    /// Prior of the items' columns, in sums of squares: each is as large as the gap, by one standard deviation, and no larger than is
     /// known of its kind. Two that are much larger and cancel each other are no cause of it.
     fn lift(&self) -> Vec<f64> {
-        let square: f64 = self.parts.iter().map(|part| part.square).sum();
-        let gap = (square / self.rows()).max(f64::MIN_POSITIVE);
+        let (mut square, mut rows) = (0.0, 0.0);
+        for (of_span, factor) in self.parts.iter().zip(self.relative()) {
+            square += factor * of_span.iter().map(|part| part.square).sum::<f64>();
+            rows += of_span.iter().map(|part| part.rows).sum::<f64>();
+        }
+        let gap = (square / rows.max(1.0)).max(f64::MIN_POSITIVE);
         let worth = self.row_precision();
-        let mut lift = vec![1.0 / (worth * gap) + ALIKE * self.rows(); self.law_columns];
-        for (law, own) in self.laws.iter().zip(&self.own) {
-            if let Some(deviation) = law.deviation() {
+        let mut lift = vec![1.0 / (worth * gap) + ALIKE * rows; self.law_columns];
+        for (deviation, own) in self.deviations.iter().zip(&self.own) {
+            if let Some(deviation) = deviation {
                 for place in own.clone() {
                     lift[place] += (worth * (deviation * self.scale[place]).powi(2)).recip();
                 }
@@ -268,22 +420,27 @@ impl Evidence {
         (matrix, vector)
     }
 
-    /// Every set of at most so many names, no name twice.
-    fn sets(&self) -> Vec<Names> {
-        let mut all = vec![0];
-        let mut of_size = vec![(0_u32, 0_u32, 0_usize)];
-        for _ in 0..NAMES_MAX {
-            let mut larger = Vec::new();
-            for &(names, kinds, from) in &of_size {
-                for (index, law) in self.laws.iter().enumerate().skip(from) {
-                    let kind = 1 << law.kind();
-                    if kinds & kind == 0 {
-                        larger.push((names | 1 << index, kinds | kind, index + 1));
-                    }
-                }
+    /// Sets of at most so many names, no name twice: none, singles and pairs, and what the best of each size make with one more.
+    fn sets(&self) -> Vec<Scored> {
+        let mut all = vec![self.scored(0)];
+        let mut of_size: Vec<Names> = vec![0];
+        for size in 1..=NAMES_MAX {
+            let mut larger: Vec<Names> = Vec::new();
+            for &names in &of_size {
+                let held = |kind: usize| {
+                    (0..self.kinds.len()).any(|k| names & 1 << k != 0 && self.kinds[k] == kind)
+                };
+                let more = (0..self.kinds.len()).filter(|index| !held(self.kinds[*index]));
+                larger.extend(more.map(|index| names | 1 << index));
             }
-            all.extend(larger.iter().map(|set| set.0));
-            of_size = larger;
+            larger.sort_unstable();
+            larger.dedup();
+            let mut scored: Vec<Scored> =
+                larger.into_iter().map(|names| self.scored(names)).collect();
+            scored.sort_by(|a, b| b.score.total_cmp(&a.score));
+            let kept = if size == 1 { scored.len() } else { GROWN };
+            of_size = scored.iter().take(kept).map(|set| set.names).collect();
+            all.extend(scored);
         }
         all
     }
@@ -295,66 +452,152 @@ impl Evidence {
             .collect()
     }
 
-    fn left(&self, names: Names) -> [f64; PARTS] {
+    /// Sums of squares left out, part by part and span by span.
+    fn left(&self, names: Names) -> [Vec<f64>; PARTS] {
         let places = self.places(names);
-        let mut left = [0.0; PARTS];
-        for (left, reduced) in left.iter_mut().zip(&self.reduced) {
-            *left = reduced.left(&places);
-        }
-        left
+        std::array::from_fn(|part| self.reduced[part].left(&places))
     }
 
-    /// Coulomb and viscous friction and an offset: what a joint may have whatever the arm shares.
+    /// What every joint may have, whatever the arm shares.
     pub fn usual(&self) -> Names {
-        let laws = self.laws.iter().enumerate();
-        laws.filter(|(_, law)| law.is_usual())
-            .fold(0, |names, (index, _)| names | 1 << index)
+        self.usual
     }
 
     /// The smooth law's bit.
     pub fn smooth(&self) -> Names {
-        1 << self.laws.len()
+        1 << self.kinds.len()
     }
 
     /// What a set costs.
     pub fn cost(&self, names: Names) -> f64 {
-        let smooth = self.own.get(self.laws.len());
+        let smooth = self.own.get(self.kinds.len());
         let smooth = smooth.filter(|_| names & self.smooth() != 0);
         let smooth = smooth.map_or(0.0, |own| {
             NAME_NATS + AMPLITUDE_NATS * (own.len() - 1) as f64
         });
-        let laws = self.laws.iter().enumerate();
+        let costs = self.costs.iter().enumerate();
         smooth
-            + laws
+            + costs
                 .filter(|(index, _)| names & (1 << index) != 0)
-                .map(|(_, law)| {
-                    let is_expected =
-                        self.expects_friction && matches!(law, Law::Coulomb | Law::Viscous);
-                    NAME_NATS - if is_expected { EXPECTED_NATS } else { 0.0 }
-                        + FREEDOM_NATS * law.freedom()
-                        + AMPLITUDE_NATS * (law.amplitudes() - 1) as f64
-                })
+                .map(|(_, cost)| cost)
                 .sum::<f64>()
     }
 
     /// One set's score.
     pub fn scored(&self, names: Names) -> Scored {
-        let left = self.left(names);
-        let mean_square = (left.iter().sum::<f64>() / self.rows()).max(f64::MIN_POSITIVE);
-        Scored {
-            names,
-            score: -0.5 * self.independent_rows * mean_square.ln() - self.cost(names),
-            left,
+        let by_part = self.left(names);
+        let mut score = -self.cost(names) - 0.5 * self.strain(names);
+        let mut left = [0.0; PARTS];
+        let spans = self.spans.iter().zip(&self.settled).zip(self.energies());
+        for (index, ((span, settled), factor)) in spans.enumerate() {
+            let mut square = 0.0;
+            for (left, part) in left.iter_mut().zip(&by_part) {
+                *left += factor * part[index];
+                square += part[index];
+            }
+            let mean = square / span.rows.len().max(1) as f64 + settled.floor;
+            score -= 0.5 * settled.independent_rows * mean.max(f64::MIN_POSITIVE).ln();
         }
+        Scored { names, score, left }
+    }
+
+    /// Nats by which a set with another item would stay behind if `names` were the truth: what `gone`'s part leaves where `come` takes its
+    /// place and everything else gives way. Laws that differ by less than they are inexact are not apart.
+    pub fn apart(&self, names: Names, gone: usize, come: usize) -> f64 {
+        let whole = &self.whole;
+        let all = self.places(names);
+        let values = whole.values(&all);
+        let own = self.places(1 << gone);
+        let part: Vec<f64> = own
+            .iter()
+            .filter_map(|place| Some(values[all.iter().position(|other| other == place)?]))
+            .collect();
+        let others = self.places(names & !(1 << gone) | 1 << come);
+        // how the part pulls on each column
+        let pulled = |place: &usize| {
+            let both = own.iter().zip(&part);
+            both.map(|(own, value)| value * whole.train[(*place, *own)])
+                .sum::<f64>()
+        };
+        let square: f64 = own
+            .iter()
+            .zip(&part)
+            .map(|(own, value)| value * pulled(own))
+            .sum();
+        let pull = DVector::from_iterator(others.len(), others.iter().map(pulled));
+        let taken = match whole.picked(&others).0.cholesky() {
+            Some(solved) => pull.dot(&solved.solve(&pull)),
+            None => 0.0,
+        };
+        let left = (square - taken).max(0.0);
+        if left < (TRUER * self.inexact).powi(2) * square {
+            return 0.0;
+        }
+        0.5 * self.row_precision() * left
+    }
+
+    /// Squares of the standard deviations by which the file's values are off beside a set.
+    fn strain(&self, names: Names) -> f64 {
+        let places = self.places(names);
+        let rest = self.whole.rest_of(&places, &self.whole.values(&places));
+        let tolerated = self.columns.len() - self.law_columns - self.shared_columns;
+        rest.rows(0, tolerated).norm_squared()
+    }
+
+    /// Sums of squares that a set leaves out, with the file's values held by what that set leaves: where the best set leaves next to
+    /// nothing, what is left without it would move them by any number of deviations.
+    pub fn left_by_itself(&self, names: Names) -> [f64; PARTS] {
+        /// Rounds until what is left and what it lets the values move agree to a hundredth.
+        const ROUNDS: usize = 3;
+        let mut own = self.clone();
+        for _ in 0..ROUNDS {
+            let left = own.mean_squares(names);
+            for (settled, left) in own.settled.iter_mut().zip(left) {
+                settled.variance = settled.variance.max(left + settled.floor);
+            }
+            own.eliminate();
+        }
+        own.scored(names).left
+    }
+
+    /// Sum of a column's squares, in the units of [`Scored::left`].
+    pub fn square(&self, column: &[f64]) -> f64 {
+        let spans = self.spans.iter().zip(self.energies());
+        spans
+            .map(|(span, factor)| {
+                let own = column[span.rows.clone()].iter();
+                factor * own.map(|x| x * x).sum::<f64>()
+            })
+            .sum()
+    }
+
+    /// Mean square that a set leaves out of each signal.
+    pub fn mean_squares(&self, names: Names) -> Vec<f64> {
+        let by_part = self.left(names);
+        let spans = self.spans.iter().enumerate();
+        spans
+            .map(|(index, span)| {
+                let square: f64 = by_part.iter().map(|part| part[index]).sum();
+                square / span.rows.len().max(1) as f64
+            })
+            .collect()
+    }
+
+    /// Sum of squares that the floors make up of what a set leaves, in the units of [`Scored::left`].
+    pub fn floor_square(&self, names: Names) -> f64 {
+        let left = self.mean_squares(names);
+        let spans = self.spans.iter().zip(&self.settled).zip(self.energies());
+        spans
+            .zip(left)
+            .map(|(((span, settled), factor), left)| {
+                factor * span.rows.len() as f64 * settled.floor.min(left)
+            })
+            .sum()
     }
 
     /// All sets that `is_possible` that are not far behind the best, the best first. There is always one: no name.
     pub fn best(&self, is_possible: impl Fn(&Fit) -> bool) -> Vec<Scored> {
-        let mut all: Vec<Scored> = self
-            .sets()
-            .into_iter()
-            .map(|names| self.scored(names))
-            .collect();
+        let mut all = self.sets();
         all.sort_by(|a, b| b.score.total_cmp(&a.score));
         let mut kept: Vec<Scored> = Vec::new();
         for scored in all {
@@ -387,14 +630,15 @@ impl Evidence {
         }
         let mut amplitudes = Vec::new();
         let mut at = 0;
-        for (index, law) in self.laws.iter().enumerate() {
+        for index in 0..self.kinds.len() {
             if names & (1 << index) != 0 {
                 let own = self.own[index].clone();
-                let of_law = own
+                let count = own.len();
+                let of_item = own
                     .enumerate()
                     .map(|(k, place)| values[at + k] / self.scale[place]);
-                amplitudes.push((*law, of_law.collect::<Vec<f64>>()));
-                at += law.amplitudes();
+                amplitudes.push((index, of_item.collect::<Vec<f64>>()));
+                at += count;
             }
         }
         let scales: Vec<f64> = places.iter().map(|place| self.scale[*place]).collect();
@@ -404,6 +648,7 @@ impl Evidence {
         Fit {
             amplitudes,
             covariance,
+            beside: rest.iter().copied().collect(),
             predicted_nm,
         }
     }
@@ -412,10 +657,7 @@ impl Evidence {
     pub fn message(&self, names: Names) -> Option<Message> {
         let shared = self.shared.as_ref()?;
         let places = self.places(names);
-        let total = self.parts.iter().skip(1).fold(
-            self.parts.first().cloned().unwrap_or_else(Sums::empty),
-            |sum, part| sum.plus(part, 1.0),
-        );
+        let total = self.total();
         let count = self.columns.len();
         let from = count - self.shared_columns;
         let others: Vec<usize> = places
@@ -455,82 +697,33 @@ impl Evidence {
         debug_assert_eq!(shared.pull.len(), pull.len());
         Some(Message { precision, pull })
     }
-
-    /// Whether a fit is one that a joint can have: every value within its limits, and friction that brakes at every speed; each by
-    /// two standard errors.
-    pub fn is_possible(
-        fit: &Fit,
-        limits: impl Fn(Law) -> [f64; 2],
-        nominal_friction_nm: impl Fn(f64) -> f64,
-        speed_rad_s: f64,
-    ) -> bool {
-        let mut place = 0;
-        let mut braking = Vec::new();
-        for (law, amplitudes) in &fit.amplitudes {
-            let [least, most] = limits(*law);
-            let error = ERRORS * fit.covariance[(place, place)].max(0.0).sqrt();
-            let Some(value) = amplitudes.first() else {
-                continue;
-            };
-            // a range is one of what can be meant, and a single limit is passed by noise
-            let error = if least.is_finite() && most.is_finite() {
-                0.0
-            } else {
-                error
-            };
-            if value + error < least || value - error > most {
-                return false;
-            }
-            braking.push((place, *law, *value));
-            place += amplitudes.len();
-        }
-        braking.retain(|(_, law, _)| law.friction_nm(1.0).is_some());
-        if braking.is_empty() {
-            return true;
-        }
-        /// Speeds at which friction is looked at.
-        const SPEEDS: usize = 25;
-        (1..=SPEEDS).all(|k| {
-            let v = speed_rad_s * k as f64 / SPEEDS as f64;
-            let at = |law: Law| law.friction_nm(v).unwrap_or(0.0);
-            let added: f64 = braking.iter().map(|(_, law, value)| value * at(*law)).sum();
-            let mut variance = 0.0;
-            for (i, one, _) in &braking {
-                for (j, other, _) in &braking {
-                    variance += at(*one) * fit.covariance[(*i, *j)] * at(*other);
-                }
-            }
-            nominal_friction_nm(v) + added + ERRORS * variance.max(0.0).sqrt() >= 0.0
-        })
-    }
 }
 
 impl Sums {
-    fn empty() -> Self {
+    fn zero(count: usize) -> Self {
         Self {
-            gram: DMatrix::zeros(0, 0),
-            vector: DVector::zeros(0),
+            gram: DMatrix::zeros(count, count),
+            vector: DVector::zeros(count),
             square: 0.0,
             rows: 0.0,
         }
     }
 
-    fn plus(&self, other: &Self, factor: f64) -> Self {
-        Self {
-            gram: &self.gram + &other.gram * factor,
-            vector: &self.vector + &other.vector * factor,
-            square: self.square + factor * other.square,
-            rows: self.rows + factor * other.rows,
-        }
+    fn add(&mut self, other: &Self, factor: f64) {
+        self.gram
+            .zip_apply(&other.gram, |sum, x| *sum += factor * x);
+        self.vector.axpy(factor, &other.vector, 1.0);
+        self.square += factor * other.square;
+        self.rows += factor * other.rows;
     }
 }
 
-/// Sums over tenths of the rows, one after the other.
-fn parts(columns: &[Vec<f64>], gap_nm: &[f64]) -> Vec<Sums> {
-    let rows = gap_nm.len();
+/// Sums over tenths of a span's rows, one after the other.
+fn parts(columns: &[Vec<f64>], gap_nm: &[f64], span: &Range<usize>) -> Vec<Sums> {
+    let rows = span.len();
     (0..PARTS)
         .map(|part| {
-            let within = part * rows / PARTS..(part + 1) * rows / PARTS;
+            let within = span.start + part * rows / PARTS..span.start + (part + 1) * rows / PARTS;
             let count = columns.len();
             let mut gram = DMatrix::zeros(count, count);
             let mut vector = DVector::zeros(count);
@@ -563,9 +756,7 @@ impl Reduced {
         Self {
             train: DMatrix::zeros(0, 0),
             train_vector: DVector::zeros(0),
-            test: DMatrix::zeros(0, 0),
-            test_vector: DVector::zeros(0),
-            test_square: 0.0,
+            tests: Vec::new(),
             rest: DVector::zeros(0),
             per_law: DMatrix::zeros(0, 0),
         }
@@ -573,7 +764,7 @@ impl Reduced {
 
     fn of(
         train: &Sums,
-        test: &Sums,
+        tests: &[&Sums],
         (prior, pull): &(DMatrix<f64>, DVector<f64>),
         lift: &[f64],
     ) -> Self {
@@ -602,17 +793,21 @@ impl Reduced {
             lifted[(k, k)] += lift;
         }
         let train_vector = &bl - tl.transpose() * &rest;
-        let (ll, tl, tt, bl, bt) = block(test);
-        let cross = tl.transpose() * &per_law;
-        let test_gram = &ll - &cross - cross.transpose() + per_law.transpose() * &tt * &per_law;
-        let inner = &tl - &tt * &per_law;
-        let test_vector = &bl - per_law.transpose() * &bt - inner.transpose() * &rest;
+        let tests = tests.iter().map(|sums| {
+            let (ll, tl, tt, bl, bt) = block(sums);
+            let cross = tl.transpose() * &per_law;
+            let inner = &tl - &tt * &per_law;
+            Test {
+                gram: &ll - &cross - cross.transpose() + per_law.transpose() * &tt * &per_law,
+                vector: &bl - per_law.transpose() * &bt - inner.transpose() * &rest,
+                square: sums.square - 2.0 * rest.dot(&bt) + rest.dot(&(&tt * &rest)),
+            }
+        });
+        let tests = tests.collect();
         Self {
             train: lifted,
             train_vector,
-            test: test_gram,
-            test_vector,
-            test_square: test.square - 2.0 * rest.dot(&bt) + rest.dot(&(&tt * &rest)),
+            tests,
             rest,
             per_law,
         }
@@ -650,16 +845,19 @@ impl Reduced {
         rest
     }
 
-    fn left(&self, places: &[usize]) -> f64 {
+    fn left(&self, places: &[usize]) -> Vec<f64> {
         let values = self.values(places);
-        let mut left = self.test_square;
-        for (i, place) in places.iter().enumerate() {
-            left -= 2.0 * values[i] * self.test_vector[*place];
-            for (j, other) in places.iter().enumerate() {
-                left += values[i] * self.test[(*place, *other)] * values[j];
+        let of_test = |test: &Test| {
+            let mut left = test.square;
+            for (i, place) in places.iter().enumerate() {
+                left -= 2.0 * values[i] * test.vector[*place];
+                for (j, other) in places.iter().enumerate() {
+                    left += values[i] * test.gram[(*place, *other)] * values[j];
+                }
             }
-        }
-        left.max(0.0)
+            left.max(0.0)
+        };
+        self.tests.iter().map(of_test).collect()
     }
 }
 
@@ -681,4 +879,105 @@ pub fn independent_rows(signal: &[f64]) -> f64 {
         sum += 2.0 * correlation;
     }
     (rows as f64 / sum).max(ROWS_LEAST)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROWS: usize = 600;
+
+    fn noise(seed: u64) -> Vec<f64> {
+        let mut random = crate::search::uniform(seed);
+        (0..ROWS).map(|_| random() - 0.5).collect()
+    }
+
+    fn item(kind: usize, columns: &[Vec<f64>]) -> Item<'_> {
+        Item {
+            kind,
+            cost: NAME_NATS,
+            deviation: None,
+            is_usual: false,
+            columns,
+        }
+    }
+
+    fn span(rows: Range<usize>, floor_nm: f64) -> Span {
+        Span { rows, floor_nm }
+    }
+
+    fn evidence(
+        gap_nm: &[f64],
+        spans: &[Span],
+        items: &[Item<'_>],
+        known: &[Vec<f64>],
+    ) -> Evidence {
+        Evidence::of(&Problem {
+            gap_nm,
+            spans,
+            items,
+            tolerated: known,
+            smooth: &[],
+            inexact: 0.0,
+            shared: None,
+        })
+    }
+
+    fn sum(a: &[f64], b: &[f64], factor: f64) -> Vec<f64> {
+        a.iter().zip(b).map(|(a, b)| a + factor * b).collect()
+    }
+
+    #[test]
+    fn what_a_floor_covers_is_not_worth_a_name() {
+        let [column, rest] = [noise(1), noise(2)];
+        let gap_nm = sum(&rest, &column, 1.0);
+        let columns = [column];
+        let best = |floor_nm: f64| {
+            let of = evidence(
+                &gap_nm,
+                &[span(0..ROWS, floor_nm)],
+                &[item(0, &columns)],
+                &[],
+            );
+            of.best(|_| true)[0].names
+        };
+        assert_eq!(best(0.0), 1);
+        assert_eq!(best(10.0), 0);
+    }
+
+    #[test]
+    fn a_second_signal_tells_what_the_first_cannot() {
+        // alike in the first half of the rows, which is one signal, and not in the second
+        let one = noise(1);
+        let other = [&one[..ROWS / 2], &noise(3)[ROWS / 2..]].concat();
+        let gap_nm = sum(&noise(2), &one, 3.0);
+        let columns = [[one], [other]];
+        let items = [item(0, &columns[0]), item(1, &columns[1])];
+        let spans = [span(0..ROWS / 2, 0.01), span(ROWS / 2..ROWS, 0.01)];
+        let of = evidence(&gap_nm, &spans, &items, &[]);
+        assert_eq!(of.best(|_| true)[0].names, 1);
+        assert!(of.apart(1, 0, 1) > 100.0, "{}", of.apart(1, 0, 1));
+        let blind = [span(0..ROWS / 2, 0.01)];
+        let half = |column: &[Vec<f64>; 1]| [column[0][..ROWS / 2].to_vec()];
+        let columns = columns.each_ref().map(half);
+        let items = [item(0, &columns[0]), item(1, &columns[1])];
+        let of = evidence(&gap_nm[..ROWS / 2], &blind, &items, &[]);
+        assert!(of.apart(1, 0, 1) < 1.0, "{}", of.apart(1, 0, 1));
+    }
+
+    #[test]
+    fn a_known_value_takes_what_its_tolerance_lets_it_and_a_name_the_rest() {
+        let column = noise(1);
+        let rest: Vec<f64> = noise(2).iter().map(|x| 0.01 * x).collect();
+        let columns = [column.clone()];
+        let best = |deviations: f64| {
+            let gap_nm = sum(&rest, &column, deviations);
+            let spans = [span(0..ROWS, 0.0)];
+            let of = evidence(&gap_nm, &spans, &[item(0, &columns)], &columns);
+            of.best(|_| true)[0].names
+        };
+        // half of two deviations' square is less than a name costs, of four it is more
+        assert_eq!(best(2.0), 0);
+        assert_eq!(best(4.0), 1);
+    }
 }

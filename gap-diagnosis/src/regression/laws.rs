@@ -1,16 +1,29 @@
 //! The static laws of motion that a joint's torque may hold beside the robot file: their columns, what more freedom costs them, and
 //! the effect they are called.
 
+use std::collections::BTreeMap;
+
+use nalgebra::DMatrix;
 use robot::Effect;
 
+use super::evidence::{AMPLITUDE_NATS, Fit, NAME_NATS};
 use super::motion::JointMotion;
+use super::told::{self, Called};
 use crate::joint::JointModel;
+use crate::report::Parameter;
 
 /// Speeds of Stribeck's fall, as parts of the usual speed: 0.05 to 0.4, below which there are no rows and above which the law is
 /// viscous friction's.
 const STRIBECK_PARTS: [f64; 3] = [0.05, 0.15, 0.4];
 /// True over nominal torque within this: what is off by more is another unit, side or sign, which the checks of a recording find.
 const GAIN: [f64; 2] = [0.5, 2.0];
+/// What Coulomb and viscous friction cost less where the file states no friction at all, in nats: every joint rubs, and it is the odds
+/// of a cause nobody expects that a name costs.
+const EXPECTED_NATS: f64 = 2.0;
+/// Cost of a freedom, in nats.
+const FREEDOM_NATS: f64 = 0.5;
+/// Standard errors by which a value may pass a limit that no joint passes.
+const ERRORS: f64 = 2.0;
 /// Part of gravity that must lie across a joint's axis somewhere for gravity to turn it.
 const ACROSS: f64 = 0.02;
 
@@ -107,6 +120,14 @@ impl Law {
             | Self::Asymmetric => 1.0,
             Self::Quadratic | Self::LoadDependent | Self::Stribeck(_) => 2.0,
         }
+    }
+
+    /// What naming it costs, in nats. `expects_friction`: whether the file states none.
+    pub fn cost(self, expects_friction: bool) -> f64 {
+        let is_expected = expects_friction && matches!(self, Self::Coulomb | Self::Viscous);
+        NAME_NATS - if is_expected { EXPECTED_NATS } else { 0.0 }
+            + FREEDOM_NATS * self.freedom()
+            + AMPLITUDE_NATS * (self.amplitudes() - 1) as f64
     }
 
     /// Standard deviation of its amplitude, where something is known of that before anything is seen: makers state torque constants to
@@ -269,4 +290,97 @@ pub struct Told<'a> {
     pub feels_rotor: bool,
     /// Mean position.
     pub mean_rad: f64,
+}
+
+/// Laws as they are called at one joint.
+pub struct Laws<'a> {
+    /// All of them.
+    pub all: Vec<Law>,
+    /// What their names depend on.
+    pub told: Told<'a>,
+}
+
+impl Called for Laws<'_> {
+    fn items(&self) -> usize {
+        self.all.len()
+    }
+
+    fn kind(&self, item: usize) -> usize {
+        self.all[item].kind()
+    }
+
+    fn is_usual(&self, item: usize) -> bool {
+        self.all[item].is_usual()
+    }
+
+    fn effect(&self, item: usize, amplitudes: &[f64]) -> Effect {
+        self.all[item].effect(amplitudes, &self.told)
+    }
+
+    fn parameters(
+        &self,
+        item: usize,
+        amplitudes: &[f64],
+        covariance: &DMatrix<f64>,
+    ) -> BTreeMap<String, Parameter> {
+        let law = self.all[item];
+        let mut parameters = told::parameters(&law.effect(amplitudes, &self.told));
+        for (name, amplitude, per) in law.parameters(amplitudes, &self.told) {
+            if let Some(parameter) = parameters.get_mut(name) {
+                let variance = covariance[(amplitude, amplitude)];
+                parameter.std = per.abs() * variance.max(0.0).sqrt();
+            }
+        }
+        parameters
+    }
+}
+
+/// Whether a fit is one that a joint can have: every value within its limits, and friction that brakes at every speed; each by
+/// two standard errors.
+pub fn is_possible(
+    fit: &Fit,
+    law_of: impl Fn(usize) -> Law,
+    limits: impl Fn(Law) -> [f64; 2],
+    nominal_friction_nm: impl Fn(f64) -> f64,
+    speed_rad_s: f64,
+) -> bool {
+    let mut place = 0;
+    let mut braking = Vec::new();
+    for (item, amplitudes) in &fit.amplitudes {
+        let law = law_of(*item);
+        let [least, most] = limits(law);
+        let error = ERRORS * fit.covariance[(place, place)].max(0.0).sqrt();
+        let Some(value) = amplitudes.first() else {
+            continue;
+        };
+        // a range is one of what can be meant, and a single limit is passed by noise
+        let error = if least.is_finite() && most.is_finite() {
+            0.0
+        } else {
+            error
+        };
+        if value + error < least || value - error > most {
+            return false;
+        }
+        braking.push((place, law, *value));
+        place += amplitudes.len();
+    }
+    braking.retain(|(_, law, _)| law.friction_nm(1.0).is_some());
+    if braking.is_empty() {
+        return true;
+    }
+    /// Speeds at which friction is looked at.
+    const SPEEDS: usize = 25;
+    (1..=SPEEDS).all(|k| {
+        let v = speed_rad_s * k as f64 / SPEEDS as f64;
+        let at = |law: Law| law.friction_nm(v).unwrap_or(0.0);
+        let added: f64 = braking.iter().map(|(_, law, value)| value * at(*law)).sum();
+        let mut variance = 0.0;
+        for (i, one, _) in &braking {
+            for (j, other, _) in &braking {
+                variance += at(*one) * fit.covariance[(*i, *j)] * at(*other);
+            }
+        }
+        nominal_friction_nm(v) + added + ERRORS * variance.max(0.0).sqrt() >= 0.0
+    })
 }

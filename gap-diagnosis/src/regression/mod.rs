@@ -4,17 +4,17 @@
 //! For a robot whose controller or gears the file does not tell, this is the honest twin: inverse dynamics of the motion that was
 //! recorded, which cannot leave the recording. What has a state of its own (a gear's windup, hysteresis, a delay) is not seen.
 
-mod arm;
+pub(crate) mod arm;
 mod dynamics;
-mod evidence;
+pub(crate) mod evidence;
 mod laws;
 mod motion;
 mod presliding;
-mod remaining;
-mod rows;
-mod shares;
+pub(crate) mod remaining;
+pub(crate) mod rows;
+pub(crate) mod shares;
 mod signals;
-mod told;
+pub(crate) mod told;
 mod usable;
 
 use std::collections::BTreeMap;
@@ -28,12 +28,16 @@ use crate::diagnose::{
     DiagnoseError, Diagnosis, JointTraces, Progress, blank_report, insufficient,
 };
 use crate::on_all_cores::OnAllCores;
-use crate::report::{DataFinding, JointShare, NamedEffect, Parameter, SharedEffect, TwinKind};
+use crate::report::{
+    DataFinding, JointShare, NamedEffect, Parameter, SharedEffect, SignalGap, TwinKind,
+};
 use arm::Cause;
 use dynamics::{Drive, Torques};
-use evidence::{Evidence, Fit, Message, Names, Problem, Scored};
+use evidence::{Evidence, Fit, Item, Message, Problem, Scored, Span};
+use laws::Laws;
 use motion::{Piece, Read};
 use rows::JointRows;
+use shares::Interval;
 use signals::TorqueSource;
 pub use told::MATERIALITY;
 use told::{Found, Said};
@@ -193,17 +197,27 @@ fn said(
     let both = joints.iter().zip(searched).enumerate();
     both.on_all_cores(|(place, (joint, Both { alone, with }))| {
         let best = with.as_ref().unwrap_or(alone);
+        let called = Laws {
+            all: joint.rows.laws.iter().map(|(law, _)| *law).collect(),
+            told: laws::Told {
+                model: joint.drive.model(),
+                feels_rotor: joint.source != TorqueSource::Sensor,
+                mean_rad: joint.rows.mean_rad,
+            },
+        };
         let found = Found {
             joint: &robot.joints[joint.index].name,
             rows: &joint.rows,
-            drive: &joint.drive,
-            feels_rotor: joint.source != TorqueSource::Sensor,
+            called: &called,
+            gear_ratio: joint.drive.model().gear_ratio,
+            noise_square: joint.rows.noise_nm.powi(2) * joint.rows.len() as f64,
             evidence: &best.evidence,
             alone: &alone.evidence,
             sets: &best.sets,
             leaves_a_law: best.leaves_a_law,
+            is_at_floor: None,
             shared: shared.map(Shared::name),
-            signal: joint.source.signal_name(),
+            signals: vec![joint.signal_gap()],
             materiality,
         };
         found.said(&others(joints, place))
@@ -211,14 +225,12 @@ fn said(
     .collect()
 }
 
-/// Whether a shared cause takes a part of the joints' gaps, on average.
+/// Whether a shared cause takes a part of the joints' gaps on average, and for certain: few arms have one.
 fn matters(said: &[Said], materiality: f64) -> bool {
-    let shares: Vec<f64> = said
-        .iter()
-        .filter_map(|said| Some(said.shared?.value))
-        .collect();
-    let mean = shares.iter().sum::<f64>() / shares.len().max(1) as f64;
-    mean >= materiality
+    let shares: Vec<Interval> = said.iter().filter_map(|said| said.shared).collect();
+    let mean =
+        |of: fn(&Interval) -> f64| shares.iter().map(of).sum::<f64>() / shares.len().max(1) as f64;
+    mean(|share| share.value) >= materiality && mean(|share| share.low) > 0.0
 }
 
 fn joints(robot: &Robot, read: &[Read], pieces: &[Piece]) -> Result<Vec<Joint>, DiagnoseError> {
@@ -246,25 +258,55 @@ fn joints(robot: &Robot, read: &[Read], pieces: &[Piece]) -> Result<Vec<Joint>, 
 }
 
 impl Joint {
-    fn problem<'a>(
-        &'a self,
-        gap_nm: &'a [f64],
-        smooth: &'a [Vec<f64>],
-        shared: Option<&'a Prior>,
-    ) -> Problem<'a> {
-        Problem {
-            gap_nm,
-            laws: &self.rows.laws,
-            expects_friction: self.drive.is_smooth(),
+    fn items(&self) -> Vec<Item<'_>> {
+        let expects_friction = self.drive.is_smooth();
+        let laws = self.rows.laws.iter();
+        laws.map(|(law, columns)| Item {
+            kind: law.kind(),
+            cost: law.cost(expects_friction),
+            deviation: law.deviation(),
+            is_usual: law.is_usual(),
+            columns,
+        })
+        .collect()
+    }
+
+    fn spans(&self) -> [Span; 1] {
+        [Span {
+            rows: 0..self.rows.len(),
+            floor_nm: 0.0,
+        }]
+    }
+
+    fn evidence<R>(
+        &self,
+        smooth: &[Vec<f64>],
+        shared: Option<&Prior>,
+        of: impl FnOnce(&Problem<'_>) -> R,
+    ) -> R {
+        of(&Problem {
+            gap_nm: &self.rows.gap_nm(),
+            spans: &self.spans(),
+            items: &self.items(),
             tolerated: &self.rows.tolerated,
             smooth,
+            inexact: 0.0,
             shared: shared.map(|prior| (prior.columns.as_slice(), &prior.message)),
+        })
+    }
+
+    fn signal_gap(&self) -> SignalGap {
+        let rows = self.rows.len().max(1) as f64;
+        let gap_nm = self.rows.gap_nm();
+        let square = gap_nm.iter().map(|x| x * x).sum::<f64>() / rows;
+        SignalGap {
+            signal: self.source.signal_name().to_owned(),
+            gap_to_noise: square.sqrt() / self.rows.noise_nm.max(f64::MIN_POSITIVE),
         }
     }
 
     fn searched(&self, shared: Option<&Prior>) -> Searched {
-        let gap_nm = self.rows.gap_nm();
-        let evidence = Evidence::of(&self.problem(&gap_nm, &[], shared));
+        let evidence = self.evidence(&[], shared, Evidence::of);
         let sets = evidence.best(|fit| self.is_possible(fit));
         Searched {
             evidence,
@@ -276,45 +318,20 @@ impl Joint {
     /// Takes back names whose part of the gap a smooth law over what no name depends on explains better: the best set of the others,
     /// beside such a law, where that is ahead of the best set.
     fn without_imitations(&self, searched: &mut Searched, shared: Option<&Prior>) {
-        let gap_nm = self.rows.gap_nm();
-        let best = searched.sets[0];
-        let mut ahead: Option<(f64, Names)> = None;
-        for smooth in remaining::rivals(&self.rows) {
-            let evidence = Evidence::of(&self.problem(&gap_nm, &smooth, shared));
-            // what every joint may have is not taken back
-            let usual = best.names & evidence.usual();
-            let others = best.names & !usual;
-            let mut subset = others;
-            let known = evidence.scored(best.names).score;
-            loop {
-                let score = evidence.scored(subset | usual | evidence.smooth()).score;
-                if score > known && ahead.is_none_or(|(most, _)| score - known > most) {
-                    ahead = Some((score - known, subset | usual));
-                }
-                if subset == 0 {
-                    break;
-                }
-                subset = (subset - 1) & others;
-            }
-        }
-        searched.leaves_a_law = ahead.is_some();
-        if let Some((_, names)) = ahead
-            && names != best.names
-        {
-            // sets with what is taken back are no more
-            let taken = best.names & !names;
-            searched.sets.retain(|set| set.names & taken == 0);
-            let kept = searched.evidence.scored(names);
-            searched.sets.retain(|set| set.names != names);
-            searched.sets.insert(0, kept);
-        }
+        let rivals = remaining::rivals(&self.rows).into_iter();
+        let beside = |problem: &Problem<'_>| Evidence::beside(problem, &searched.evidence);
+        let rivals = rivals.map(|smooth| self.evidence(&smooth, shared, beside));
+        let (leaves_a_law, names) = remaining::without_imitations(rivals, searched.sets[0].names);
+        searched.leaves_a_law = leaves_a_law;
+        remaining::take_back(&mut searched.sets, &searched.evidence, names);
     }
 
     fn is_possible(&self, fit: &Fit) -> bool {
         let rows = &self.rows;
         let model = self.drive.model();
-        Evidence::is_possible(
+        laws::is_possible(
             fit,
+            |item| rows.laws[item].0,
             |law| law.limits(model, rows.speed_rad_s, rows.inertia_kg_m2),
             |velocity_rad_s| model.friction.drag_nm(velocity_rad_s, 0.0, 0.0, 0.0),
             rows.speed_rad_s,
@@ -517,8 +534,7 @@ fn beside(
             .on_all_cores(|((joint, prior), place): (_, usize)| {
                 // names that were found without the cause may stand for it
                 if round == 0 {
-                    let gap_nm = joint.rows.gap_nm();
-                    let evidence = Evidence::of(&joint.problem(&gap_nm, &[], Some(prior)));
+                    let evidence = joint.evidence(&[], Some(prior), Evidence::of);
                     return evidence.message(evidence.usual());
                 }
                 let searched = &with[place];
@@ -596,10 +612,8 @@ fn worth(alone: &Searched, with: &Searched) -> f64 {
         let cost = searched.evidence.cost(searched.sets[0].names);
         (left.max(f64::MIN_POSITIVE), cost)
     });
-    let independent = alone
-        .evidence
-        .independent_rows
-        .min(with.evidence.independent_rows);
+    let rows = |of: &Searched| of.evidence.independent_rows();
+    let independent = rows(alone).min(rows(with));
     0.5 * independent * (a.0 / b.0).ln() + a.1 - b.1
 }
 

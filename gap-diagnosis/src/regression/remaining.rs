@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::evidence::{PARTS, independent_rows};
+use super::evidence::{Evidence, Names, PARTS, Scored, independent_rows};
 use super::rows::JointRows;
 use crate::report::{Remains, RemainsOver};
 
@@ -128,6 +128,39 @@ pub fn rivals(rows: &JointRows) -> Vec<Vec<Vec<f64>>> {
         .map(|columns| columns.into_iter().skip(1).collect::<Vec<_>>())
         .filter(|columns| !columns.is_empty())
         .collect()
+}
+
+/// Whether one of the smooth laws, each in an evidence of its own, explains something that the best set leaves; and the names that are
+/// left if those are taken back whose part it explains better: the best of the others, beside it, where that is ahead.
+pub fn without_imitations(rivals: impl Iterator<Item = Evidence>, best: Names) -> (bool, Names) {
+    let mut ahead: Option<(f64, Names)> = None;
+    for evidence in rivals {
+        // what every joint may have is not taken back
+        let usual = best & evidence.usual();
+        let others = best & !usual;
+        let known = evidence.scored(best).score;
+        let mut subset = others;
+        loop {
+            let score = evidence.scored(subset | usual | evidence.smooth()).score;
+            if score > known && ahead.is_none_or(|(most, _)| score - known > most) {
+                ahead = Some((score - known, subset | usual));
+            }
+            if subset == 0 {
+                break;
+            }
+            subset = (subset - 1) & others;
+        }
+    }
+    (ahead.is_some(), ahead.map_or(best, |(_, names)| names))
+}
+
+/// Lets `names` be the best set; sets with what is taken back are no more.
+pub fn take_back(sets: &mut Vec<Scored>, evidence: &Evidence, names: Names) {
+    let taken = sets[0].names & !names;
+    if taken != 0 {
+        sets.retain(|set| set.names & taken == 0 && set.names != names);
+        sets.insert(0, evidence.scored(names));
+    }
 }
 
 /// Friction that grows or fades after each reversal.

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use robot::Effect;
 
-use super::dynamics::Drive;
-use super::evidence::{Evidence, Fit, Scored};
-use super::laws::{Law, Told as OfLaw};
+use nalgebra::DMatrix;
+
+use super::evidence::{Evidence, Fit, Names, Scored};
 use super::rows::JointRows;
 use super::shares::{Game, Interval, Shares};
 use crate::judge;
@@ -23,16 +23,37 @@ const EXPLAINED: f64 = 0.9;
 /// Or, with structure left, explain a part of it.
 const PARTLY: f64 = 0.2;
 /// What is left reaches the noise within this factor: two standard deviations of it.
-const FLOOR: f64 = 2.0;
+pub const FLOOR: f64 = 2.0;
 /// Part of the torque within which what is left is the sensors': torque transducers and current sensors of class 0.5 are linear to half
 /// a per cent.
 const LINEAR: f64 = 0.005;
 /// Nats within which two sets cannot be told apart: odds of one to twenty, the cost of a name.
 const NEAR: f64 = 3.0;
+/// Nats by which one name would have to be ahead of another, if it were true, to be told from it: three standard deviations.
+const ALIKE: f64 = 4.5;
 /// Below this weight a set's shares are not looked at.
 const WEIGHT_MIN: f64 = 1e-3;
 /// Nats to the unit of log odds in which probabilities are stated.
 pub const TEMPERATURE: f64 = 1.0;
+
+/// What the items of a joint's evidence are called.
+pub trait Called: Sync {
+    /// How many there are.
+    fn items(&self) -> usize;
+    /// Which of them are one name with other shapes.
+    fn kind(&self, item: usize) -> usize;
+    /// Whether every joint may have it.
+    fn is_usual(&self, item: usize) -> bool;
+    /// The effect, as a change against the file.
+    fn effect(&self, item: usize, amplitudes: &[f64]) -> Effect;
+    /// Its parameters with their errors, from its amplitudes' covariance.
+    fn parameters(
+        &self,
+        item: usize,
+        amplitudes: &[f64],
+        covariance: &DMatrix<f64>,
+    ) -> BTreeMap<String, Parameter>;
+}
 
 /// One joint with all that was found.
 pub struct Found<'a> {
@@ -40,10 +61,12 @@ pub struct Found<'a> {
     pub joint: &'a str,
     /// Its rows.
     pub rows: &'a JointRows,
-    /// Its file.
-    pub drive: &'a Drive,
-    /// Whether the torque was taken before the gear.
-    pub feels_rotor: bool,
+    /// What its items are called.
+    pub called: &'a dyn Called,
+    /// Of its gear.
+    pub gear_ratio: f64,
+    /// Sum of squares that noise and the twin make up, of all rows.
+    pub noise_square: f64,
     /// With the shared cause, if the arm has one.
     pub evidence: &'a Evidence,
     /// Without it.
@@ -52,10 +75,12 @@ pub struct Found<'a> {
     pub sets: &'a [Scored],
     /// Whether a smooth law on no list explains something that the names leave.
     pub leaves_a_law: bool,
+    /// Whether the best set leaves no more than what a twin may be off by; none where nothing tells that, and the noise decides.
+    pub is_at_floor: Option<bool>,
     /// Name of the arm's shared cause, if it has one.
     pub shared: Option<&'static str>,
-    /// The recording's name of the torque.
-    pub signal: &'static str,
+    /// The gap of each compared signal.
+    pub signals: Vec<SignalGap>,
     /// Share below which an effect is minor.
     pub materiality: f64,
 }
@@ -71,56 +96,46 @@ pub struct Said {
 }
 
 impl Found<'_> {
-    fn of_law(&self) -> OfLaw<'_> {
-        OfLaw {
-            model: self.drive.model(),
-            feels_rotor: self.feels_rotor,
-            mean_rad: self.rows.mean_rad,
-        }
+    /// The name of an item in a set, whose amplitude may decide it.
+    fn name_in(&self, names: Names, item: usize) -> &'static str {
+        let fit = self.evidence.fit(names);
+        let own = fit.amplitudes.iter().find(|(other, _)| *other == item);
+        let amplitudes = own.map_or(&[][..], |(_, values)| values.as_slice());
+        self.called.effect(item, amplitudes).name()
     }
 
-    fn name(&self, law: Law, amplitudes: &[f64]) -> &'static str {
-        law.effect(amplitudes, &self.of_law()).name()
-    }
-
-    /// The name of a law in a set, whose amplitude may decide it.
-    fn name_in(&self, scored: &Scored, index: usize) -> &'static str {
-        let law = self.evidence.laws()[index];
-        if law == Law::Inertia {
-            let fit = self.evidence.fit(scored.names);
-            let own = fit.amplitudes.iter().find(|(other, _)| *other == law);
-            return self.name(law, own.map_or(&[], |(_, values)| values.as_slice()));
-        }
-        self.name(law, &[])
-    }
-
-    /// Laws of a set by their place.
+    /// Items of a set by their place.
     fn players(&self, scored: &Scored) -> Vec<usize> {
-        (0..self.evidence.laws().len())
+        (0..self.called.items())
             .filter(|index| scored.names & (1 << index) != 0)
             .collect()
     }
 
-    fn game(&self, scored: &Scored) -> Game {
+    /// `by_itself`: with the file's values held by what each set of players leaves.
+    fn game(&self, scored: &Scored, by_itself: bool) -> Game {
         let players = self.players(scored);
         let count = players.len() + usize::from(self.shared.is_some());
         let left = (0..1_usize << count).map(|set| {
             let chosen = players.iter().enumerate();
             let names = chosen
                 .filter(|(place, _)| set & (1 << place) != 0)
-                .fold(0, |names, (_, index)| names | 1 << index);
+                .fold(0, |names: Names, (_, index)| names | 1 << index);
             let with_shared = self.shared.is_some() && set & (1 << players.len()) != 0;
             let evidence = if with_shared {
                 self.evidence
             } else {
                 self.alone
             };
-            evidence.scored(names).left
+            if by_itself {
+                evidence.left_by_itself(names)
+            } else {
+                evidence.scored(names).left
+            }
         });
         Game {
             left: left.collect(),
             players: count,
-            noise: self.rows.noise_nm.powi(2) * self.rows.len() as f64,
+            noise: self.noise_square,
         }
     }
 
@@ -128,13 +143,14 @@ impl Found<'_> {
     pub fn said(&self, others: &[Vec<f64>]) -> Said {
         let best = self.sets[0];
         let fit = self.evidence.fit(best.names);
-        let shares = self.game(&best).shares();
+        let shares = self.game(&best, true).shares();
         let weights = self.weights();
         let effects = self.effects(&fit, &shares, &weights);
         let (effects, minor_effects): (Vec<_>, Vec<_>) =
-            effects.into_iter().partition(|(law, effect)| {
+            effects.into_iter().partition(|(item, effect)| {
                 // what few joints have must take a part of the gap for certain
-                effect.share >= self.materiality && (law.is_usual() || effect.share_low > 0.0)
+                effect.share >= self.materiality
+                    && (self.called.is_usual(*item) || effect.share_low > 0.0)
             });
         let [mut effects, minor_effects] = [effects, minor_effects].map(|named| {
             let named = named.into_iter();
@@ -145,27 +161,31 @@ impl Found<'_> {
         effects.sort_by(|a, b| b.share.total_cmp(&a.share));
         let shared = self.shared.map(|_| shares.of[shares.of.len() - 1]);
         let gap_nm = self.rows.gap_nm();
-        let rest_nm: Vec<f64> = gap_nm
+        // the rows are those of the first signal
+        let rest_nm: Vec<f64> = self.evidence.gap_nm()[..self.rows.len()]
             .iter()
             .zip(&fit.predicted_nm)
             .map(|(gap, predicted)| gap - predicted)
             .collect();
         let rows = self.rows.len() as f64;
-        let noise = self.rows.noise_nm.powi(2);
+        let noise = self.noise_square / rows;
         let nothing = self.alone.scored(0).left.iter().sum::<f64>() / rows - noise;
         let left = best.left.iter().sum::<f64>() / rows - noise;
         let remaining_over = super::remaining::over(
             self.rows,
             others,
-            self.drive.model().gear_ratio,
+            self.gear_ratio,
             &rest_nm,
             [left, nothing],
         );
-        let candidates = self.candidates(&weights, &shares, &remaining_over);
+        let at_floor = self
+            .is_at_floor
+            .unwrap_or(left + noise <= FLOOR.powi(2) * noise);
+        let is_quiet = self.is_at_floor.unwrap_or(remaining_over.is_empty());
+        let candidates = self.candidates(&weights, &shares, is_quiet);
         let taken: f64 = effects.iter().map(|effect| effect.share).sum::<f64>()
             + shared.map_or(0.0, |shared| shared.value);
         let gap = self.gap(&best, &shares, &gap_nm);
-        let at_floor = left + noise <= FLOOR.powi(2) * noise;
         let has_names = !effects.is_empty() || shared.is_some_and(|s| s.value >= self.materiality);
         let confusable = self.confusable(&best);
         let leads = candidates.first().map_or(0.0, |first| first.probability);
@@ -174,7 +194,8 @@ impl Found<'_> {
         let torque = torque_nm.iter().map(|x| x * x).sum::<f64>() / rows;
         let leaves_structure = self.leaves_a_law && left + noise > LINEAR.powi(2) * torque;
         let verdict = if !has_names {
-            let is_empty = best.names == 0 && remaining_over.is_empty();
+            let is_empty =
+                best.names == 0 && remaining_over.is_empty() && self.is_at_floor.is_none();
             if is_empty || at_floor {
                 Verdict::NoGap
             } else {
@@ -193,7 +214,7 @@ impl Found<'_> {
             joint: self.joint.to_owned(),
             verdict,
             reason: String::new(),
-            place: self.place(&effects, &gap_nm, &gap, &remaining_over),
+            place: self.place(&effects, &gap_nm, &remaining_over),
             effects,
             minor_effects,
             candidates,
@@ -222,50 +243,40 @@ impl Found<'_> {
         self.sets.iter().map(|set| odds(set) / sum).collect()
     }
 
-    fn effects(&self, fit: &Fit, shares: &Shares, weights: &[f64]) -> Vec<(Law, NamedEffect)> {
+    fn effects(&self, fit: &Fit, shares: &Shares, weights: &[f64]) -> Vec<(usize, NamedEffect)> {
         let mut place = 0;
         let mut all = Vec::new();
-        for (player, (law, amplitudes)) in fit.amplitudes.iter().enumerate() {
-            let told = self.of_law();
-            let effect = law.effect(amplitudes, &told);
-            let mut parameters = parameters(&effect);
-            for (name, amplitude, per) in law.parameters(amplitudes, &told) {
-                let at = place + amplitude;
-                if let Some(parameter) = parameters.get_mut(name) {
-                    parameter.std = per.abs() * fit.covariance[(at, at)].max(0.0).sqrt();
-                }
-            }
-            place += law.amplitudes();
+        for (player, (item, amplitudes)) in fit.amplitudes.iter().enumerate() {
+            let effect = self.called.effect(*item, amplitudes);
+            let count = amplitudes.len();
+            let covariance = fit.covariance.view((place, place), (count, count));
+            let parameters = self
+                .called
+                .parameters(*item, amplitudes, &covariance.into_owned());
+            place += count;
             let share = shares.of[player];
-            let kind = law.kind();
+            let kind = self.called.kind(*item);
             let with = self.sets.iter().zip(weights).filter(|(set, _)| {
                 let players = self.players(set);
-                players
-                    .iter()
-                    .any(|k| self.evidence.laws()[*k].kind() == kind)
+                players.iter().any(|k| self.called.kind(*k) == kind)
             });
             let named = NamedEffect {
                 effect: effect.name().to_owned(),
                 probability: with.map(|(_, weight)| weight).sum::<f64>().min(1.0),
                 parameters,
-                side: None,
+                side: judge::side(&effect),
                 share: share.value,
                 share_low: share.low,
                 share_high: share.high,
                 shrink_alone: shares.alone[player],
             };
-            all.push((*law, named));
+            all.push((*item, named));
         }
         all
     }
 
     /// What the largest part of the gap is: each set says its largest share.
-    fn candidates(
-        &self,
-        weights: &[f64],
-        of_best: &Shares,
-        remaining_over: &[RemainsOver],
-    ) -> Vec<Candidate> {
+    fn candidates(&self, weights: &[f64], of_best: &Shares, is_quiet: bool) -> Vec<Candidate> {
         let mut by_name: BTreeMap<&'static str, f64> = BTreeMap::new();
         for (rank, (set, weight)) in self.sets.iter().zip(weights).enumerate() {
             if *weight < WEIGHT_MIN && rank > 0 {
@@ -275,7 +286,7 @@ impl Found<'_> {
             let shares = if rank == 0 {
                 of_best
             } else {
-                fresh = self.game(set).shares();
+                fresh = self.game(set, false).shares();
                 &fresh
             };
             let players = self.players(set);
@@ -284,12 +295,12 @@ impl Found<'_> {
             let name = match largest {
                 Some(place) if shares.of[place].value >= shares.remaining.value => {
                     match players.get(place) {
-                        Some(index) => self.name_in(set, *index),
+                        Some(index) => self.name_in(set.names, *index),
                         None => self.shared.unwrap_or("unknown"),
                     }
                 }
                 Some(_) => "unknown",
-                None if remaining_over.is_empty() => "none",
+                None if is_quiet => "none",
                 None => "unknown",
             };
             *by_name.entry(name).or_default() += weight;
@@ -318,8 +329,8 @@ impl Found<'_> {
             if gone.count_ones() != 1 || come.count_ones() != 1 {
                 continue;
             }
-            let one = self.name_in(best, gone.trailing_zeros() as usize);
-            let other = self.name_in(set, come.trailing_zeros() as usize);
+            let one = self.name_in(best.names, gone.trailing_zeros() as usize);
+            let other = self.name_in(set.names, come.trailing_zeros() as usize);
             let is_known = pairs
                 .iter()
                 .any(|pair| pair.effects[0] == one && pair.effects[1] == other);
@@ -329,19 +340,57 @@ impl Found<'_> {
                     distance: 2.0 * behind,
                     reason: format!(
                         "alike on this motion: {behind:.1} nats apart, of what {:.0} independent rows tell",
-                        self.evidence.independent_rows
+                        self.evidence.independent_rows()
                     ),
                 });
             }
         }
+        for gone in self.players(best) {
+            // what takes its place may itself be one of several
+            let mut truth = vec![(best.names, gone)];
+            truth.extend(self.in_place_of(best.names, gone).map(|(come, _)| {
+                let names = best.names & !(1 << gone) | 1 << come;
+                (names, come)
+            }));
+            for (names, own) in truth {
+                for (come, apart) in self.in_place_of(names, own) {
+                    let pair = [self.name_in(names, own), self.name_in(names, come)];
+                    if pair[0] == pair[1] {
+                        continue;
+                    }
+                    if pairs.iter().any(|known| {
+                        pair.iter()
+                            .all(|name| known.effects.iter().any(|own| own == name))
+                    }) {
+                        continue;
+                    }
+                    pairs.push(Confusable {
+                        effects: pair.map(str::to_owned),
+                        distance: 2.0 * apart,
+                        reason: "one takes the other's place on this motion, whichever is there"
+                            .to_owned(),
+                    });
+                }
+            }
+        }
         pairs
+    }
+
+    /// Items that would take one's place in a set, with the nats by which they would be behind if it were the truth.
+    fn in_place_of(&self, names: Names, gone: usize) -> impl Iterator<Item = (usize, f64)> {
+        let held = (0..self.called.items()).filter(move |item| names & 1 << item != 0);
+        let kinds: Vec<usize> = held.map(|item| self.called.kind(item)).collect();
+        (0..self.called.items())
+            .filter(move |come| !kinds.contains(&self.called.kind(*come)))
+            .map(move |come| (come, self.evidence.apart(names, gone, come)))
+            .filter(|(_, apart)| *apart <= ALIKE)
     }
 
     fn gap(&self, best: &Scored, shares: &Shares, gap_nm: &[f64]) -> Gap {
         let rows = self.rows.len().max(1) as f64;
         let before = gap_nm.iter().map(|x| x * x).sum::<f64>() / rows;
         let after = best.left.iter().sum::<f64>() / rows;
-        let noise = self.rows.noise_nm.powi(2);
+        let noise = self.noise_square / rows;
         let shrink = |after: f64| 1.0 - (after - noise) / (before - noise).max(f64::MIN_POSITIVE);
         let all = self.alone.scored(0).left.iter().sum::<f64>() / rows;
         // the interval is of what the names take; the file's tolerances come off before
@@ -350,7 +399,7 @@ impl Found<'_> {
             torque_rms_nm: BeforeAfter {
                 before: before.sqrt(),
                 after: after.sqrt(),
-                noise_floor: self.rows.noise_nm,
+                noise_floor: noise.sqrt(),
                 held_out: true,
             },
             position_rms_rad: BeforeAfter::default(),
@@ -360,13 +409,7 @@ impl Found<'_> {
         }
     }
 
-    fn place(
-        &self,
-        effects: &[NamedEffect],
-        gap_nm: &[f64],
-        gap: &Gap,
-        remaining: &[RemainsOver],
-    ) -> Where {
+    fn place(&self, effects: &[NamedEffect], gap_nm: &[f64], remaining: &[RemainsOver]) -> Where {
         let mut stages: BTreeMap<Stage, f64> = BTreeMap::new();
         for effect in effects {
             *stages.entry(Stage::of(&effect.effect)).or_default() += effect.share.max(0.0);
@@ -378,8 +421,6 @@ impl Found<'_> {
             .into_iter()
             .map(|(stage, share)| (stage, share / sum.max(f64::MIN_POSITIVE)))
             .collect();
-        let torque = &gap.torque_rms_nm;
-        let noise_nm = torque.noise_floor.max(f64::MIN_POSITIVE);
         let mut all = regimes("position_rad", &self.rows.position_rad, gap_nm);
         all.extend(regimes_of_motor(self, gap_nm));
         all.extend(regimes("load_nm", &self.rows.load_nm, gap_nm));
@@ -387,10 +428,7 @@ impl Found<'_> {
         Where {
             stage: stage.or_else(|| self.stage_of_single(remaining)),
             stages,
-            signals: vec![SignalGap {
-                signal: self.signal.to_owned(),
-                gap_to_noise: torque.before / noise_nm,
-            }],
+            signals: self.signals.clone(),
             regimes: all,
             bands: bands(self.rows, gap_nm),
         }
@@ -401,17 +439,17 @@ impl Found<'_> {
         if remaining.is_empty() {
             return None;
         }
-        let laws = 0..self.evidence.laws().len();
-        let best = laws
+        let items = 0..self.called.items();
+        let best = items
             .map(|index| self.evidence.scored(1 << index))
             .max_by(|a, b| a.score.total_cmp(&b.score))?;
         let index = best.names.trailing_zeros() as usize;
-        Some(Stage::of(self.name_in(&best, index)))
+        Some(Stage::of(self.name_in(best.names, index)))
     }
 }
 
 fn regimes_of_motor(found: &Found<'_>, gap_nm: &[f64]) -> Vec<Regime> {
-    let ratio = found.drive.model().gear_ratio;
+    let ratio = found.gear_ratio;
     let velocity = found.rows.velocity_rad_s.iter();
     let motor: Vec<f64> = velocity.map(|v| ratio * v).collect();
     regimes("motor_velocity_rad_s", &motor, gap_nm)

@@ -7,8 +7,10 @@ use crate::clock::{Instant, UnitsPerSecond};
 use crate::columns::{Cells, Plan, whole};
 use crate::error::Place;
 use crate::frame::{Column, Frame, Values};
-use crate::mapping::{Mapping, MappingFile};
-use crate::{ReadProblem, Recording};
+use crate::guess::guess_frame;
+use crate::mapping::{Mapping, MappingFile, mapping_beside};
+use crate::names::with_unit;
+use crate::{Guess, GuessJoint, ReadProblem, Recording};
 use csv::ByteRecord;
 use std::borrow::Cow;
 use std::cell::Cell;
@@ -20,7 +22,7 @@ pub(crate) struct Csv;
 
 impl Source for Csv {
     fn matches(&self, log: &Log<'_>) -> bool {
-        matches!(log.extension.as_str(), "csv" | "tsv" | "txt")
+        matches!(log.extension.as_str(), "csv" | "tsv" | "txt" | "dat")
     }
 
     fn frame(&self, path: &Path, _: &Mapping) -> Result<Frame, ReadProblem> {
@@ -30,6 +32,26 @@ impl Source for Csv {
     fn read(&self, path: &Path, mapping: &MappingFile<'_>) -> Result<Recording, ReadProblem> {
         let (mapping, mapping_path) = mapping.load()?;
         read_table(path, &mapping, &mapping_path)
+    }
+
+    fn read_guessing(
+        &self,
+        path: &Path,
+        joints: &[GuessJoint],
+    ) -> Result<(Recording, Option<Guess>), ReadProblem> {
+        let mapping_path = mapping_beside(path);
+        match read_table(path, &Mapping::default(), &mapping_path) {
+            Err(ReadProblem::NoSignals { mapping, columns }) => {
+                let guess = guess_frame(&read_frame(path)?, joints);
+                if guess.columns.is_empty() {
+                    return Err(ReadProblem::NoSignals { mapping, columns });
+                }
+                // Read again as a table: times to the last digit, and errors with their line.
+                let mapping = guess.mapping(&mapping_path)?;
+                Ok((read_table(path, &mapping, &mapping_path)?, Some(guess)))
+            }
+            table => Ok((table?, None)),
+        }
     }
 }
 
@@ -72,7 +94,18 @@ fn read_table(
     mapping_path: &Path,
 ) -> Result<Recording, ReadProblem> {
     let (mut lines, header) = open(path)?;
-    let plan = Plan::new(header.clone(), &[], mapping, mapping_path)?;
+    let plan = Plan::new(header.clone(), &[], mapping, mapping_path);
+    let plan = plan.map_err(|problem| match problem {
+        ReadProblem::NoSignals { .. } | ReadProblem::NoTimeColumn { .. }
+            if are_counted(&header) =>
+        {
+            ReadProblem::HeaderOfNumbers {
+                columns: header.len(),
+                mapping: mapping_path.to_owned(),
+            }
+        }
+        other => other,
+    })?;
     let mut table = TableBuilder::default();
     plan.prepare(&mut table);
     let mut record = ByteRecord::new();
@@ -95,13 +128,32 @@ fn open(path: &Path) -> Result<(Lines, Vec<String>), ReadProblem> {
     let (text, start) = Uncommented::open(BufReader::new(File::open(path)?))?;
     let mut reader = csv::ReaderBuilder::new();
     reader.delimiter(start.delimiter).trim(csv::Trim::All);
-    if let Some(names) = start.commented_header {
-        let header = read_header(&mut reader.from_reader(&names[..]))?;
-        return Ok((reader.has_headers(false).from_reader(text), header));
+    let (lines, mut header) = match (start.commented_header, start.unnamed) {
+        (Some(names), _) => {
+            let header = read_header(&mut reader.from_reader(&names[..]))?;
+            (reader.has_headers(false).from_reader(text), header)
+        }
+        (None, Some(columns)) => {
+            let header = (1..=columns).map(|column| column.to_string()).collect();
+            (reader.has_headers(false).from_reader(text), header)
+        }
+        (None, None) => {
+            let mut lines = reader.from_reader(text);
+            let header = read_header(&mut lines)?;
+            (lines, header)
+        }
+    };
+    if let Some(units) = start.units {
+        let told = header.into_iter().zip(&units);
+        header = told.map(|(name, unit)| with_unit(name, unit)).collect();
     }
-    let mut lines = reader.from_reader(text);
-    let header = read_header(&mut lines)?;
     Ok((lines, header))
+}
+
+/// Whether the columns have no names but their numbers.
+fn are_counted(header: &[String]) -> bool {
+    let mut numbers = header.iter().zip(1..);
+    numbers.all(|(name, number)| *name == number.to_string())
 }
 
 fn read_header<R: Read>(lines: &mut csv::Reader<R>) -> Result<Vec<String>, ReadProblem> {
@@ -113,9 +165,6 @@ fn read_header<R: Read>(lines: &mut csv::Reader<R>) -> Result<Vec<String>, ReadP
         .collect();
     if names.is_empty() {
         return Err(ReadProblem::NoHeader);
-    }
-    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
-        return Err(ReadProblem::HeaderOfNumbers);
     }
     Ok(names)
 }

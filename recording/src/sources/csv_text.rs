@@ -1,9 +1,11 @@
 //! The text of a CSV log as people write it: what stands between the fields, and lines that are comments.
 
+use crate::names::are_units;
 use std::io::{BufRead, Read, Result};
 
-/// What may stand between two fields; the line that names the columns shows which does.
+/// What may stand between two fields; the line that names the columns shows which does. Spaces do where nothing else does.
 const DELIMITERS: [u8; 3] = [b',', b';', b'\t'];
+const SPACE: u8 = b' ';
 /// What a line that is a comment begins with.
 const COMMENT: [u8; 2] = [b'#', b'%'];
 /// A line longer than this is handed over in pieces.
@@ -15,57 +17,105 @@ pub(crate) struct Start {
     pub(crate) delimiter: u8,
     /// The columns' names, where they are in a comment.
     pub(crate) commented_header: Option<Vec<u8>>,
+    /// Of the columns, where a line after their names tells them.
+    pub(crate) units: Option<Vec<String>>,
+    /// How many columns without names there are, where the first line is one of numbers.
+    pub(crate) unnamed: Option<usize>,
 }
 
-/// A text without its comments and its byte order mark, opened and looked at. Comments become empty lines, which the
-/// reader of the fields passes over but counts.
+/// A text without its comments, its byte order mark and its line of units, opened and looked at. These become empty lines,
+/// which the reader of the fields passes over but counts.
 pub(crate) struct Uncommented<R> {
     text: R,
     line: Vec<u8>,
     read: usize,
     /// Whether the next bytes begin a line.
     at_start: bool,
+    /// Whether spaces stand between the fields, as many as it takes to put numbers below each other.
+    by_spaces: bool,
 }
 
 impl<R: BufRead> Uncommented<R> {
-    /// Passes over the comments before the first line and tells what that looks like.
+    /// Passes over the comments before the first line and tells what that and the next look like.
     pub(crate) fn open(text: R) -> Result<(Self, Start)> {
         let mut lines = Self {
             text,
             line: Vec::new(),
             read: 0,
             at_start: true,
+            by_spaces: false,
         };
-        let (mut comment, mut passed_over) = (None, 0);
-        while lines.next_line()? {
-            if passed_over == 0 && lines.line.starts_with(BYTE_ORDER_MARK) {
-                lines.line.drain(..BYTE_ORDER_MARK.len());
+        let (mut comments, passed_over) = lines.pass_over_comments()?;
+        let mut first = std::mem::take(&mut lines.line);
+        let (mut second, mut between) = (Vec::new(), 0);
+        if lines.at_start && !first.is_empty() {
+            between = lines.pass_over_comments()?.1;
+            second = std::mem::take(&mut lines.line);
+        }
+        let delimiter = delimiter(&first, &second);
+        lines.by_spaces = delimiter == SPACE;
+        let fields = |line: &[u8]| fields(line, delimiter);
+        // Some writers put the columns' names in a comment, and their units in another.
+        let (mut commented_header, mut units) = (None, None);
+        let names = fields(&first);
+        if fields(&first).iter().all(|field| is_number(field)) {
+            let fits = |line: &Vec<u8>| {
+                let (names, numbers) = (fields(line), fields(&first));
+                names.len() == numbers.len() && !names.iter().all(|name| is_number(name))
+            };
+            commented_header = comments.pop().filter(fits);
+            let told = commented_header.as_ref().map(|line| fields(line));
+            if let Some(names) = comments.pop().filter(fits)
+                && told.as_ref().is_some_and(|told| are_units(told))
+            {
+                (commented_header, units) = (Some(names), told);
             }
-            let line = lines.line.trim_ascii();
-            match line.split_first() {
+        } else if fields(&second).len() == fields(&first).len() && are_units(&fields(&second)) {
+            units = Some(fields(&second));
+            second = b"\n".to_vec();
+        }
+        if lines.by_spaces {
+            for line in [&mut first, &mut second]
+                .into_iter()
+                .chain(&mut commented_header)
+            {
+                one_space(line, true);
+            }
+        }
+        // The lines passed over are still to be counted.
+        lines.line = [
+            vec![b'\n'; passed_over],
+            first,
+            vec![b'\n'; between],
+            second,
+        ]
+        .concat();
+        let start = Start {
+            unnamed: (commented_header.is_none() && is_row(&names)).then_some(names.len()),
+            delimiter,
+            commented_header,
+            units,
+        };
+        Ok((lines, start))
+    }
+
+    /// Reads on to the next line that is none, into `line`; the comments, and how many lines were passed over.
+    fn pass_over_comments(&mut self) -> Result<(Vec<Vec<u8>>, usize)> {
+        let (mut comments, mut passed_over) = (Vec::new(), 0);
+        while self.next_line()? {
+            if self.line.starts_with(BYTE_ORDER_MARK) {
+                self.line.drain(..BYTE_ORDER_MARK.len());
+            }
+            match self.line.trim_ascii().split_first() {
                 Some((first, rest)) if COMMENT.contains(first) => {
-                    comment = Some(rest.trim_ascii().to_vec());
+                    comments.push(rest.trim_ascii().to_vec());
                 }
                 Some(_) => break,
                 None => {}
             }
             passed_over += 1;
         }
-        let delimiter = delimiter(&lines.line);
-        // Some writers put the columns' names in a comment.
-        let fields = |line: &[u8]| line.split(|byte| *byte == delimiter).count();
-        let commented_header = comment.filter(|names| {
-            all_numbers(&lines.line, delimiter)
-                && !all_numbers(names, delimiter)
-                && fields(names) == fields(&lines.line)
-        });
-        // The lines passed over are still to be counted.
-        lines.line.splice(0..0, vec![b'\n'; passed_over]);
-        let start = Start {
-            delimiter,
-            commented_header,
-        };
-        Ok((lines, start))
+        Ok((comments, passed_over))
     }
 
     /// Reads the next line into `line`; false at the end.
@@ -90,6 +140,8 @@ impl<R: BufRead> Read for Uncommented<R> {
             if begins && first.is_some_and(|first| COMMENT.contains(first)) {
                 self.line.clear();
                 self.line.push(b'\n');
+            } else if self.by_spaces {
+                one_space(&mut self.line, begins);
             }
         }
         let count = into.len().min(self.line.len() - self.read);
@@ -99,22 +151,79 @@ impl<R: BufRead> Read for Uncommented<R> {
     }
 }
 
-/// The delimiter that the line has most of. Commas of numbers are not in the line that names the columns.
-fn delimiter(line: &[u8]) -> u8 {
-    let count = |delimiter: &u8| line.iter().filter(|byte| *byte == delimiter).count();
+/// The delimiter that the first line has most of. Commas of numbers are not in a line that names the columns, and in one of
+/// numbers they go after the others. Spaces part the fields where the next line has as many.
+fn delimiter(first: &[u8], second: &[u8]) -> u8 {
+    let count = |delimiter: &u8| first.iter().filter(|byte| *byte == delimiter).count();
+    let of_numbers = first
+        .iter()
+        .all(|byte| !byte.is_ascii_alphabetic() || matches!(byte, b'e' | b'E'));
+    if of_numbers && let Some(delimiter) = [b'\t', b';'].into_iter().find(|one| count(one) > 0) {
+        return delimiter;
+    }
+    let words = |line: &[u8]| fields(line, SPACE).len();
+    let others = if of_numbers { &b";\t"[..] } else { &DELIMITERS };
+    if others.iter().all(|other| count(other) == 0)
+        && words(first) > 1
+        && words(first) == words(second)
+    {
+        return SPACE;
+    }
     // `max_by_key` takes the last of equals, so a line without any delimiter counts as comma-separated.
     let most = DELIMITERS.into_iter().rev().max_by_key(count);
     most.unwrap_or(b',')
 }
 
-fn all_numbers(line: &[u8], delimiter: u8) -> bool {
-    line.trim_ascii()
-        .split(|byte| *byte == delimiter)
-        .all(|field| {
-            let field = String::from_utf8_lossy(field);
-            let field = field.trim();
-            field.is_empty() || field.parse::<f64>().is_ok()
-        })
+/// A line's fields, without quotes and spaces around them.
+fn fields(line: &[u8], delimiter: u8) -> Vec<String> {
+    let text = |field: &[u8]| {
+        let field = String::from_utf8_lossy(field);
+        field.trim().trim_matches('"').trim().to_owned()
+    };
+    let line = line.trim_ascii();
+    match delimiter {
+        SPACE => {
+            let words = line.split(u8::is_ascii_whitespace);
+            words.filter(|word| !word.is_empty()).map(text).collect()
+        }
+        _ => line.split(|byte| *byte == delimiter).map(text).collect(),
+    }
+}
+
+/// Whether a first line is one of values: all numbers, but not the columns counted, as pandas names those that have no names.
+fn is_row(fields: &[String]) -> bool {
+    let counted = |from: usize| {
+        let mut numbers = fields.iter().zip(from..);
+        numbers.all(|(field, number)| *field == number.to_string())
+    };
+    let some = fields.iter().any(|field| !field.is_empty());
+    some && fields.iter().all(|field| is_number(field)) && !(counted(0) || counted(1))
+}
+
+fn is_number(field: &str) -> bool {
+    field.is_empty() || field.replacen(',', ".", 1).parse::<f64>().is_ok()
+}
+
+/// Leaves one space of several, and none at the beginning of a line.
+fn one_space(line: &mut Vec<u8>, begins: bool) {
+    let mut before = if begins { SPACE } else { b'0' };
+    line.retain_mut(|byte| {
+        if *byte == b'\t' {
+            *byte = SPACE;
+        }
+        let kept = *byte != SPACE || before != SPACE;
+        before = *byte;
+        kept
+    });
+    let end = line.len()
+        - line
+            .iter()
+            .rev()
+            .take_while(|byte| matches!(byte, b'\r' | b'\n'))
+            .count();
+    if end > 0 && line[end - 1] == SPACE && end < line.len() {
+        line.remove(end - 1);
+    }
 }
 
 #[cfg(test)]
@@ -143,6 +252,63 @@ mod tests {
         assert_eq!(text, "\n\n0, 1\n");
         assert_eq!(start.commented_header.as_deref(), Some(&b"t, q"[..]));
         assert!(opened(b"# run 7\n0, 1\n").1.commented_header.is_none());
+    }
+
+    #[test]
+    fn spaces_part_fields_where_nothing_else_does_however_many() {
+        let (text, start) = opened(b"  t   q1 q2\n 0.0  1,5  -2\n\n10.0 1 2  \r\n");
+        assert_eq!(start.delimiter, b' ');
+        assert_eq!(text, "t q1 q2\n0.0 1,5 -2\n\n10.0 1 2\r\n");
+        let (_, start) = opened(b"# t q\n 0,0  1,5\n 0,1  1,6\n");
+        assert_eq!(start.delimiter, b' ');
+        assert_eq!(start.commented_header.as_deref(), Some(&b"t q"[..]));
+        assert_eq!(opened(b"time stamp\n1\n2\n").1.delimiter, b',');
+        assert_eq!(opened(b"% t;q\n0,0;1,5\n").1.delimiter, b';');
+    }
+
+    #[test]
+    fn a_first_line_of_numbers_is_one_of_values_unless_it_counts() {
+        let unnamed = |text: &str| opened(text.as_bytes()).1.unnamed;
+        assert_eq!(unnamed("0.0,1.5,-2\n0.1,1,2\n"), Some(3));
+        assert_eq!(unnamed("0,0  1,5\n0,1  1,6\n"), Some(2));
+        for named in [
+            "0,1,2\n5,5,5\n",
+            "1;2\n5;5\n",
+            "t,q\n0,1\n",
+            "# t,q\n0.5,1\n",
+            "",
+        ] {
+            assert_eq!(unnamed(named), None, "{named}");
+        }
+    }
+
+    #[test]
+    fn a_line_of_units_is_taken_out_and_still_counted() {
+        let units = |text: &str| opened(text.as_bytes()).1.units;
+        let (text, start) = opened(b"t;q;i\ns;\"deg\";A\n0;1;2\n");
+        assert_eq!(text, "t;q;i\n\n0;1;2\n");
+        assert_eq!(start.units.unwrap(), ["s", "deg", "A"]);
+        assert_eq!(
+            units("t,q,mode\n[ms],[rad/s],-\n").unwrap(),
+            ["[ms]", "[rad/s]", "-"]
+        );
+        assert_eq!(units("# t q\n# s deg\n0 1\n1 2\n").unwrap(), ["s", "deg"]);
+        assert_eq!(
+            opened(b"# t q\n# s deg\n0 1\n1 2\n")
+                .1
+                .commented_header
+                .unwrap(),
+            b"t q"
+        );
+        for other in [
+            "t,q\n0,1\n",
+            "t,mode\n0,idle\n",
+            "t,q\n,\n",
+            "t,q\ns\n",
+            "s,m\n",
+        ] {
+            assert_eq!(units(other), None, "{other}");
+        }
     }
 
     #[test]

@@ -64,7 +64,7 @@ fn find_parquet(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> Result
     Ok(())
 }
 
-/// Of the entries of `observation.state`: a list, or lists by what they are of.
+/// Of the entries of `observation.state`.
 fn joint_names(info: &Path) -> Result<Vec<String>, ReadProblem> {
     let wrong = |what: String| ReadProblem::Dataset {
         file: info.to_owned(),
@@ -74,17 +74,20 @@ fn joint_names(info: &Path) -> Result<Vec<String>, ReadProblem> {
         std::fs::read_to_string(info).map_err(|error| wrong(format!("cannot be read: {error}")))?;
     let info: Value =
         serde_json::from_str(&text).map_err(|error| wrong(format!("is not JSON: {error}")))?;
-    let names = &info["features"]["observation.state"]["names"];
-    let lists: Vec<&Value> = match names {
-        Value::Object(named) => named.values().collect(),
-        list => vec![list],
-    };
-    let names = lists
-        .into_iter()
-        .filter_map(Value::as_array)
-        .flatten()
-        .filter_map(Value::as_str);
+    let mut names = Vec::new();
+    add_texts(&info["features"]["observation.state"]["names"], &mut names);
+    let names = names.into_iter();
     Ok(names
         .map(|name| name.strip_suffix(POSITION).unwrap_or(name).to_owned())
         .collect())
+}
+
+/// Adds the texts of a list, of lists in it, and of lists by names.
+fn add_texts<'a>(value: &'a Value, texts: &mut Vec<&'a str>) {
+    match value {
+        Value::String(text) => texts.push(text),
+        Value::Array(values) => values.iter().for_each(|value| add_texts(value, texts)),
+        Value::Object(named) => named.values().for_each(|value| add_texts(value, texts)),
+        _ => {}
+    }
 }

@@ -2,9 +2,9 @@
 
 use super::{Log, Source};
 use crate::frame::Frame;
-use crate::mapping::{Mapping, MappingFile};
+use crate::mapping::{Mapping, MappingFile, mapping_beside};
 use crate::ros::Bag;
-use crate::{ReadProblem, Recording, mcap_file};
+use crate::{Guess, GuessJoint, ReadProblem, Recording, mcap_file};
 use std::path::Path;
 
 pub(crate) struct Mcap;
@@ -30,5 +30,17 @@ impl Source for Mcap {
         let (mapping, mapping_path) = mapping.load()?;
         self.frame(path, &mapping)?
             .into_table(&mapping, &mapping_path)
+    }
+
+    fn read_guessing(
+        &self,
+        path: &Path,
+        joints: &[GuessJoint],
+    ) -> Result<(Recording, Option<Guess>), ReadProblem> {
+        if !mcap_file::is_bag(path)? {
+            return Ok((mcap_file::read_table(path)?, None));
+        }
+        let frame = self.frame(path, &Mapping::default())?;
+        frame.into_guessed_table(&mapping_beside(path), joints)
     }
 }

@@ -2,11 +2,12 @@
 //!
 //! Format: NumPy Enhancement Proposal 1.
 
+use super::arrays::{Shape, frame_of, values_max};
 use super::{Log, Source};
+use crate::ReadProblem;
 use crate::frame::{Array, Frame, Values};
 use crate::guard::without_panic;
 use crate::mapping::Mapping;
-use crate::{JOINTS_MAX, ReadProblem, VALUES_MAX};
 use npyz::{NpyFile, Order};
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -14,9 +15,6 @@ use std::path::Path;
 use zip::ZipArchive;
 
 const MAGIC: &[u8] = b"PK\x03\x04";
-/// Arrays of measurements shrink to a tenth; of a file that grows by more only so much is read.
-const GROWTH_MAX: u64 = 100;
-const BYTES_MAX: u64 = 1 << 28;
 const END: &str = ".npy";
 
 pub(crate) struct Npz;
@@ -33,13 +31,10 @@ impl Source for Npz {
 }
 
 fn read_arrays(path: &Path) -> Result<Frame, ReadProblem> {
-    let file = File::open(path)?;
-    let bytes_max = BYTES_MAX.max(file.metadata()?.len().saturating_mul(GROWTH_MAX));
-    let values_max = VALUES_MAX.min(usize::try_from(bytes_max / 8).unwrap_or(VALUES_MAX));
-    let file = BufReader::new(file);
+    let mut values_left = values_max(path)?;
+    let file = BufReader::new(File::open(path)?);
     let mut archive = ZipArchive::new(file).map_err(|error| ReadProblem::Npz(error.to_string()))?;
-    let mut frame = Frame::default();
-    let mut values = 0_usize;
+    let mut arrays = Vec::new();
     for index in 0..archive.len() {
         let member = archive
             .by_index(index)
@@ -50,63 +45,57 @@ fn read_arrays(path: &Path) -> Result<Frame, ReadProblem> {
         let Some(name) = name.strip_suffix(END).map(str::to_owned) else {
             continue;
         };
-        let left = values_max.saturating_sub(values);
-        if let Some(array) = read_array(&name, member, left)? {
-            values += array.values();
-            frame.add_array(array);
+        if let Some(array) = read_array(&name, member, values_left)? {
+            values_left -= array.values();
+            arrays.push(array);
         }
     }
-    frame.check_lengths()?;
-    Ok(frame)
+    frame_of(arrays)
 }
 
 /// An array of numbers with one or two axes; others say nothing about joints.
 fn read_array(
     name: &str,
     file: impl Read,
-    values_max: usize,
+    values_left: usize,
 ) -> Result<Option<Array>, ReadProblem> {
     let wrong = |error: std::io::Error| ReadProblem::Npz(format!("array `{name}`: {error}"));
+    let file = with_short_head(file).map_err(wrong)?;
     let npy = NpyFile::new(file).map_err(wrong)?;
     let header = npy.header();
-    let (rows, width) = match *header.shape() {
-        [rows] => (rows, 1),
-        [rows, width] => (rows, width),
-        _ => return Ok(None),
-    };
     let by_columns = header.order() == Order::Fortran;
-    let fits = rows
-        .checked_mul(width)
-        .is_some_and(|values| values <= values_max as u64);
-    if !fits {
-        let (rows, columns) = (
-            i64::try_from(rows).unwrap_or(i64::MAX),
-            usize::try_from(width).unwrap_or(0),
-        );
-        return Err(ReadProblem::TooLarge { rows, columns });
-    }
-    if width > JOINTS_MAX as u64 || rows * width == 0 {
+    let Some(shape) = Shape::of(header.shape(), by_columns, values_left)? else {
         return Ok(None);
-    }
-    let (rows, width) = (rows as usize, width as usize);
+    };
     let Some(values) = numbers(npy).map_err(wrong)? else {
         return Ok(None);
     };
-    if values.len() != rows * width {
+    if values.len() != shape.values() {
         let what = format!("array `{name}` ends before its last row");
         return Err(ReadProblem::Npz(what));
     }
-    let order = |column: usize| -> Vec<usize> {
-        match by_columns {
-            true => (column * rows..(column + 1) * rows).collect(),
-            false => (column..rows * width).step_by(width).collect(),
-        }
-    };
-    let columns = (0..width).map(|column| values.picked(&order(column)));
-    Ok(Some(Array {
-        name: name.to_owned(),
-        columns: columns.collect(),
-    }))
+    Ok(Some(shape.table(name.to_owned(), &values)))
+}
+
+/// The same file, if the text that describes its array is as short as one is: the parser reserves what its length says, and
+/// packed zeros may go on for gigabytes.
+fn with_short_head(mut file: impl Read) -> std::io::Result<impl Read> {
+    // Magic bytes, version, and the length in two bytes or, from version 2 on, in four.
+    const LENGTH_AT: usize = 8;
+    const HEAD_BYTES_MAX: u32 = 1 << 16;
+    let mut start = Vec::new();
+    (&mut file)
+        .take(LENGTH_AT as u64 + 4)
+        .read_to_end(&mut start)?;
+    if let (Some(2..), Some(length)) = (
+        start.get(6),
+        start[LENGTH_AT.min(start.len())..].first_chunk(),
+    ) && u32::from_le_bytes(*length) > HEAD_BYTES_MAX
+    {
+        let text = "its description is longer than 65536 bytes";
+        return Err(std::io::Error::other(text));
+    }
+    Ok(std::io::Cursor::new(start).chain(file))
 }
 
 /// An array's numbers one after the other; `None` of other kinds.

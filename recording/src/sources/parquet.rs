@@ -427,10 +427,15 @@ fn found(descriptor: &ColumnDescriptor) -> String {
 
 fn check_compression(compression: Compression) -> Result<(), ReadProblem> {
     match compression {
-        Compression::UNCOMPRESSED | Compression::SNAPPY | Compression::ZSTD(_) => Ok(()),
+        Compression::UNCOMPRESSED
+        | Compression::SNAPPY
+        | Compression::GZIP(_)
+        | Compression::LZ4
+        | Compression::LZ4_RAW
+        | Compression::ZSTD(_) => Ok(()),
         other => Err(ReadProblem::UnknownCompression {
             compression: name(other),
-            known: "snappy, zstd",
+            known: "snappy, gzip, lz4, zstd",
         }),
     }
 }

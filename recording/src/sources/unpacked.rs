@@ -12,10 +12,10 @@ use tempfile::NamedTempFile;
 
 const MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 /// Bags and text shrink to a hundredth at most; a file that grows by more was made to fill the disk.
-const GROWTH_MAX: u64 = 1000;
+pub(super) const GROWTH_MAX: u64 = 1000;
 const FILE_BYTES_MAX: u64 = 1 << 34;
 /// A message about joints takes some kilobytes.
-const MESSAGE_BYTES_MAX: u64 = 1 << 24;
+pub(super) const MESSAGE_BYTES_MAX: u64 = 1 << 24;
 
 /// `NAME.db3.zstd`, `NAME.mcap.zst`, `NAME.csv.zst`: unpacked beside the system's other temporary files.
 pub(crate) struct Zstd;

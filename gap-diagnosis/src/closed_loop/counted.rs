@@ -1,0 +1,143 @@
+//! What the samples show by themselves, told beside what the evidence explains: steps of an encoder, samples that were dropped, and
+//! delay and lag of the drive.
+
+use robot::Effect;
+
+use crate::found::Found;
+use crate::judge;
+use crate::report::{Candidate, Confusable, JointReport, NamedEffect, Parameter, Verdict};
+
+/// Probability of what was counted in the samples, and of it beside something that the evidence names. Of 60 development cases with one
+/// of these none was wrong.
+const COUNTED: f64 = 0.97;
+const BESIDE: f64 = 0.85;
+
+/// Adds what was counted to a joint's report. `settled_share`: the part of the gap's energy that delay and lag take. `is_common`: whether
+/// a finding is told of the whole arm.
+pub fn add(
+    report: &mut JointReport,
+    counted: &[Found],
+    settled_share: f64,
+    is_common: impl Fn(&Found) -> bool,
+) {
+    if counted.is_empty() {
+        return;
+    }
+    let had_names = !report.effects.is_empty();
+    let named = report.effects.iter_mut().chain(&mut report.minor_effects);
+    for effect in named {
+        for share in [
+            &mut effect.share,
+            &mut effect.share_low,
+            &mut effect.share_high,
+        ] {
+            *share *= 1.0 - settled_share;
+        }
+    }
+    report.remaining_share *= 1.0 - settled_share;
+    let (settled, beside): (Vec<&Found>, Vec<&Found>) = counted
+        .iter()
+        .filter(|found| !is_common(found))
+        .partition(|found| is_settled(found));
+    for found in &settled {
+        let share = settled_share / settled.len() as f64;
+        report.effects.push(named_effect(found, share));
+    }
+    // what does not change the torque has the gap that no torque is left of
+    let is_at_floor = matches!(report.verdict, Verdict::NoGap | Verdict::Explained);
+    let rest = if is_at_floor && settled.is_empty() && !had_names {
+        std::mem::take(&mut report.remaining_share)
+    } else {
+        0.0
+    };
+    for found in &beside {
+        let share = rest / beside.len() as f64;
+        report.effects.push(named_effect(found, share));
+    }
+    report.effects.sort_by(|a, b| b.share.total_cmp(&a.share));
+    report.verdict = match report.verdict {
+        Verdict::NoGap => Verdict::Explained,
+        Verdict::Unexplained => Verdict::PartlyExplained,
+        verdict => verdict,
+    };
+    let certain = if had_names { BESIDE } else { COUNTED };
+    for candidate in &mut report.candidates {
+        candidate.probability *= 1.0 - certain;
+    }
+    for found in counted {
+        let names = names(found);
+        for name in names {
+            let probability = certain / (counted.len() * names.len()) as f64;
+            let own = report.candidates.iter_mut().find(|of| of.effect == *name);
+            match own {
+                Some(candidate) => candidate.probability += probability,
+                None => report.candidates.push(Candidate {
+                    effect: (*name).to_owned(),
+                    probability,
+                }),
+            }
+        }
+    }
+    let is_late = |found: &Found| matches!(found.effect, Effect::CommandDelay { .. });
+    if counted.iter().any(is_late) {
+        report.confusable.push(Confusable {
+            effects: ["command_delay", "sensor_delay"].map(str::to_owned),
+            distance: 0.0,
+            reason: "command and position show only the sum of both delays".to_owned(),
+        });
+    }
+    let candidates = &mut report.candidates;
+    candidates.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    if report.place.stage.is_none() || !had_names {
+        let first = report.effects.first();
+        report.place.stage = first.map(|first| crate::stage::Stage::of(&first.effect));
+    }
+    let because: Vec<&str> = counted.iter().map(|found| found.because.as_str()).collect();
+    if !report.reason.is_empty() {
+        report.reason.push_str("; ");
+    }
+    report.reason.push_str(&because.join("; "));
+}
+
+/// Whether the twin has it, and the torque is compared beside it.
+fn is_settled(found: &Found) -> bool {
+    matches!(
+        found.effect,
+        Effect::CurrentLoopLag { .. } | Effect::CommandDelay { .. }
+    )
+}
+
+/// What a finding may be called: command and position show only the sum of both delays.
+fn names(found: &Found) -> &[&'static str] {
+    match found.effect {
+        Effect::CommandDelay { .. } => &["command_delay", "sensor_delay"],
+        Effect::CurrentLoopLag { .. } => &["current_loop_lag"],
+        Effect::DroppedCommands { .. } => &["dropped_commands"],
+        Effect::DroppedSamples { .. } => &["dropped_samples"],
+        Effect::VelocityFilterLag { .. } => &["velocity_filter_lag"],
+        _ => &["encoder_quantisation"],
+    }
+}
+
+/// A finding as a report tells it.
+pub fn named_effect(found: &Found, share: f64) -> NamedEffect {
+    let parameters = judge::numbers(&found.effect).into_iter();
+    let parameters = parameters.map(|(name, value)| {
+        let parameter = Parameter {
+            value,
+            std: found.std,
+            at_bound: false,
+        };
+        (name, parameter)
+    });
+    NamedEffect {
+        effect: found.effect.name().to_owned(),
+        probability: COUNTED / names(found).len() as f64,
+        parameters: parameters.collect(),
+        side: judge::side(&found.effect),
+        share,
+        share_low: share,
+        share_high: share,
+        shrink_alone: share,
+    }
+}

@@ -1,0 +1,554 @@
+//! The diagnosis of a robot whose controller and encoders are known: each joint simulated in its loop beside its recordings, and the
+//! evidence of what the simulation's response to every effect explains.
+
+mod called;
+mod counted;
+mod refine;
+mod rows;
+mod shared;
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+use joint_model::filter::FilterError;
+use recording::Recording;
+use robot::Robot;
+
+use crate::data::{self, Checked};
+use crate::diagnose::{
+    DiagnoseError, Diagnosis, JointTraces, Prepared, Progress, blank_report, insufficient,
+    prepared, settled,
+};
+use crate::found::Found as Counted;
+use crate::observe::Channel;
+use crate::on_all_cores::OnAllCores;
+use crate::regression::evidence::{Evidence, Problem, Scored};
+use crate::regression::rows::JointRows;
+use crate::regression::shares::Interval;
+use crate::regression::told::{FLOOR, Found, Said};
+use crate::repeats::floor::Repeated;
+use crate::report::{BeforeAfter, DataFinding, Gap, JointReport, JointShare, SignalGap, Verdict};
+use crate::search::{Model, Search, Term};
+use crate::shared::{CommonDelay, common_delay};
+use crate::stretch::stretches;
+use crate::twin::JointTwin;
+use called::Responses;
+use refine::{Worth, refined};
+use rows::{About, Compared, OfArm, kinds_of};
+use shared::Shared;
+
+/// Rounds in which the best set and the responses about it settle.
+const ROUNDS: usize = 3;
+/// Sets of different names that are fitted by simulation in each.
+const FITTED: usize = 4;
+
+/// One joint with its twin, ready to be explained.
+struct Joint<'a> {
+    index: usize,
+    search: Search<'a>,
+    compared: Compared,
+    settled: Vec<Term>,
+}
+
+/// What the arm shares.
+struct Arm<'a> {
+    /// Name of a cause.
+    shared: Option<&'static str>,
+    /// A delay of its bus.
+    common: Option<&'a CommonDelay>,
+}
+
+/// What is told of a joint.
+struct Told {
+    report: JointReport,
+    traces: JointTraces,
+    /// Share of the cause that the arm shares.
+    shared: Option<Interval>,
+    /// Share of delay and lag.
+    settled_share: f64,
+}
+
+/// What explains a joint.
+struct Explained {
+    about: About,
+    evidence: Evidence,
+    sets: Vec<Scored>,
+}
+
+impl Explained {
+    /// Nats by which a joint is better told than it is by another explanation, with the rows that both count as independent.
+    fn ahead_of(&self, other: &Self) -> f64 {
+        let [own, others] = [self, other].map(|of| {
+            let names = of.sets[0].names;
+            let left = of.evidence.mean_squares(names);
+            let settled = of.evidence.settled();
+            let all: Vec<(f64, f64)> = left
+                .iter()
+                .zip(settled)
+                .map(|(left, settled)| (left + settled.floor, settled.independent_rows))
+                .collect();
+            (all, of.evidence.cost(names))
+        });
+        let by_signal = own.0.iter().zip(&others.0);
+        let gained: f64 = by_signal
+            .map(|((own, own_rows), (others, other_rows))| {
+                0.5 * own_rows.min(*other_rows) * (others / own).ln()
+            })
+            .sum();
+        gained + others.1 - own.1
+    }
+}
+
+impl<'a> Joint<'a> {
+    fn of(
+        index: usize,
+        twin: &'a JointTwin<'a>,
+        counted: &[Counted],
+        name: &str,
+        repeated: &Repeated,
+    ) -> Result<Self, FilterError> {
+        let mut search = Search::new(twin)?;
+        search.repeats_nm = repeated.scatter_nm(name, &search)?;
+        Ok(Self {
+            index,
+            compared: Compared::of(&search),
+            settled: settled(counted, &search.scale),
+            search,
+        })
+    }
+
+    fn start(&self) -> Model {
+        Model::of_settled(&self.search, &self.settled)
+    }
+
+    fn weighed(&self, about: About, of_arm: Option<&OfArm>) -> Explained {
+        let evidence = about.evidence(&self.compared.spans, of_arm, Evidence::of);
+        let sets = evidence.best(|fit| about.is_possible(&self.search, fit));
+        Explained {
+            about,
+            evidence,
+            sets,
+        }
+    }
+
+    /// The best set: responses choose some, simulation fits them, and the responses about the best of them choose again until the
+    /// names stay.
+    fn explained(&self, begin: About, of_arm: Option<&OfArm>) -> Result<Explained, FilterError> {
+        let mut explained = self.weighed(begin, of_arm);
+        for _ in 0..ROUNDS {
+            let Some(best) = self.best_fitted(&explained)? else {
+                break;
+            };
+            let is_settled = kinds_of(&best) == kinds_of(&explained.about.model)
+                && !explained.about.model.terms.is_empty();
+            if is_settled {
+                break;
+            }
+            let mut about = About::of(&self.search, &self.compared, &best)?;
+            if let Some(of_arm) = of_arm {
+                of_arm.add_to(&mut about);
+            }
+            explained = self.weighed(about, of_arm);
+        }
+        Ok(explained)
+    }
+
+    /// Of the first few sets of different names the one that leaves least where it is simulated; none if that has no names.
+    fn best_fitted(&self, explained: &Explained) -> Result<Option<Model>, FilterError> {
+        let Explained {
+            about,
+            evidence,
+            sets,
+        } = explained;
+        let mut tried: Vec<(Vec<String>, Scored)> = Vec::new();
+        for set in sets {
+            let kinds = about.kinds(set.names);
+            if tried.len() < FITTED && !tried.iter().any(|(other, _)| *other == kinds) {
+                tried.push((kinds, *set));
+            }
+        }
+        if tried.iter().all(|(kinds, _)| kinds.is_empty()) {
+            return Ok(None);
+        }
+        let worth = Worth::of(&self.compared, evidence.settled());
+        let fitted = tried
+            .iter()
+            .on_all_cores(|(_, set)| {
+                let start = about.told(&self.search, &evidence.fit(set.names));
+                let refined = refined(&self.search, &self.compared, &worth, &about.known, &start)?;
+                Ok((refined.nats + evidence.cost(set.names), refined.model))
+            })
+            .collect::<Result<Vec<(f64, Model)>, FilterError>>()?;
+        let best = fitted.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(best
+            .map(|(_, model)| model)
+            .filter(|model| !model.terms.is_empty()))
+    }
+
+    /// Rows of the motor's signal, as they count.
+    fn rows(&self) -> Result<JointRows, FilterError> {
+        let gap_nm = self
+            .compared
+            .pick(&self.search.residual_nm(&Model::default())?);
+        let measured_nm = self.compared.pick(&self.search.measured_nm);
+        let of_motor = self.compared.motor_rows();
+        let row = |of: fn(&crate::twin::Row) -> f64| {
+            let rows = of_motor.iter().map(|k| of(&self.search.twin.rows[*k]));
+            rows.collect::<Vec<f64>>()
+        };
+        let count = of_motor.len();
+        let both = measured_nm.iter().zip(&gap_nm).take(count);
+        Ok(JointRows {
+            time_s: row(|row| row.time_s),
+            position_rad: row(|row| row.position_rad),
+            velocity_rad_s: row(|row| row.velocity_rad_s),
+            load_nm: row(|row| row.load_nm),
+            since_reversal_s: self.since_reversal_s(),
+            nominal_nm: both.map(|(measured, gap)| measured - gap).collect(),
+            measured_nm: measured_nm[..count].to_vec(),
+            ..JointRows::default()
+        })
+    }
+
+    fn since_reversal_s(&self) -> Vec<f64> {
+        let rows = &self.search.twin.rows;
+        let of_motor = self.compared.motor_rows();
+        let mut since_s = Vec::with_capacity(of_motor.len());
+        let mut turned_s = f64::NEG_INFINITY;
+        for (place, k) in of_motor.iter().enumerate() {
+            let row = &rows[*k];
+            let before = place.checked_sub(1).map(|p| &rows[of_motor[p]]);
+            let turns = before.is_none_or(|before| {
+                before.stretch != row.stretch || before.velocity_rad_s * row.velocity_rad_s <= 0.0
+            });
+            if turns {
+                turned_s = row.time_s;
+            }
+            since_s.push(row.time_s - turned_s);
+        }
+        since_s
+    }
+
+    fn signals(&self, gap_nm: &[f64]) -> Vec<SignalGap> {
+        let channels = self.search.twin.channels.iter().zip(&self.compared.spans);
+        let mut all: Vec<SignalGap> = channels
+            .map(|(channel, span)| {
+                let own = &gap_nm[span.rows.clone()];
+                let square = own.iter().map(|x| x * x).sum::<f64>() / own.len().max(1) as f64;
+                SignalGap {
+                    signal: channel.signal().to_owned(),
+                    gap_to_noise: square.sqrt() / span.floor_nm.max(f64::MIN_POSITIVE),
+                }
+            })
+            .collect();
+        all.sort_by(|a, b| b.gap_to_noise.total_cmp(&a.gap_to_noise));
+        all
+    }
+
+    fn said(
+        &self,
+        name: &str,
+        explained: &Explained,
+        counted: &[Counted],
+        arm: &Arm<'_>,
+        materiality: f64,
+    ) -> Result<Told, FilterError> {
+        let rows = self.rows()?;
+        let gap_nm = self
+            .compared
+            .pick(&self.search.residual_nm(&Model::default())?);
+        let best = explained.sets[0];
+        let left = explained.evidence.mean_squares(best.names);
+        let settled = explained.evidence.settled();
+        let mut above = left.iter().zip(settled);
+        let is_at_floor = above.all(|(left, settled)| *left <= FLOOR.powi(2) * settled.floor);
+        let without_cause = |_| {
+            let beside = |problem: &Problem<'_>| Evidence::beside(problem, &explained.evidence);
+            explained.about.evidence(&self.compared.spans, None, beside)
+        };
+        let alone = arm.shared.map(without_cause);
+        let called = Responses {
+            search: &self.search,
+            about: &explained.about,
+        };
+        let found = Found {
+            joint: name,
+            rows: &rows,
+            called: &called,
+            gear_ratio: self.search.scale.gear_ratio,
+            noise_square: explained.evidence.floor_square(best.names),
+            evidence: &explained.evidence,
+            alone: alone.as_ref().unwrap_or(&explained.evidence),
+            sets: &explained.sets,
+            leaves_a_law: !is_at_floor,
+            is_at_floor: Some(is_at_floor),
+            shared: arm.shared,
+            signals: self.signals(&gap_nm),
+            materiality,
+        };
+        let Said {
+            mut report, shared, ..
+        } = found.said(&[]);
+        report.gap = self.gap(&report, &gap_nm, left[0]);
+        let evidence = &explained.evidence;
+        let all = evidence.square(&gap_nm);
+        let without: f64 = evidence.scored(0).left.iter().sum();
+        let settled_share = (1.0 - without / all.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let is_common = |found: &Counted| {
+            let common = arm.common;
+            common.is_some_and(|common| common.is_seen_as(found, self.index))
+        };
+        counted::add(&mut report, counted, settled_share, is_common);
+        let model = &explained.about.model;
+        report.gap.position_rms_rad =
+            crate::judge::position_rms_rad(&self.search, &Model::default(), model);
+        Ok(Told {
+            report,
+            traces: self.traces(name, model)?,
+            shared,
+            settled_share,
+        })
+    }
+
+    /// Of the motor's torque.
+    fn gap(&self, report: &JointReport, gap_nm: &[f64], after: f64) -> Gap {
+        let span = &self.compared.spans[0];
+        let own = &gap_nm[span.rows.clone()];
+        let before = own.iter().map(|x| x * x).sum::<f64>() / own.len().max(1) as f64;
+        let noise = span.floor_nm.powi(2);
+        let above = |square: f64| (square - noise).max(0.0);
+        let shrink = if report.verdict == Verdict::NoGap || above(before) <= 0.0 {
+            0.0
+        } else {
+            1.0 - above(after) / above(before)
+        };
+        let told = &report.gap;
+        Gap {
+            torque_rms_nm: BeforeAfter {
+                before: before.sqrt(),
+                after: after.sqrt(),
+                noise_floor: noise.sqrt(),
+                held_out: true,
+            },
+            position_rms_rad: told.position_rms_rad,
+            shrink,
+            // as far from it as the interval of what all signals are told
+            shrink_low: (shrink - (told.shrink - told.shrink_low)).min(shrink),
+            shrink_high: (shrink + (told.shrink_high - told.shrink))
+                .clamp(shrink, f64::max(1.0, shrink)),
+        }
+    }
+
+    fn traces(&self, name: &str, model: &Model) -> Result<JointTraces, FilterError> {
+        let before_nm = self.search.residual_nm(&Model::default())?;
+        let after_nm = self.search.residual_nm(model)?;
+        let rows = &self.search.twin.rows;
+        let shown: Vec<usize> = (0..rows.len())
+            .filter(|k| rows[*k].channel == Channel::Motor && rows[*k].stretch == 0)
+            .collect();
+        let pick = |of: &dyn Fn(usize) -> f64| shown.iter().map(|k| of(*k)).collect::<Vec<f64>>();
+        let measured = &self.search.measured_nm;
+        Ok(JointTraces {
+            joint: name.to_owned(),
+            time_s: pick(&|k| rows[k].time_s),
+            measured_nm: pick(&|k| measured[k]),
+            nominal_nm: pick(&|k| measured[k] - before_nm[k]),
+            augmented_nm: pick(&|k| measured[k] - after_nm[k]),
+            position_rad: pick(&|k| rows[k].position_rad),
+            velocity_rad_s: pick(&|k| rows[k].velocity_rad_s),
+        })
+    }
+}
+
+/// Diagnoses a robot in its controller's loop. Effects below `materiality` are minor ones.
+///
+/// # Errors
+/// [`DiagnoseError`].
+pub fn diagnose(
+    robot: &Robot,
+    recordings: &[(String, Recording)],
+    materiality: f64,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Diagnosis, DiagnoseError> {
+    let begin = Instant::now();
+    let tables: Vec<&Recording> = recordings.iter().map(|(_, recording)| recording).collect();
+    if tables.is_empty() {
+        return Err(DiagnoseError::Nothing);
+    }
+    let checked = Checked::of(robot, &tables);
+    let against: Vec<Option<String>> = robot
+        .joints
+        .iter()
+        .map(|joint| checked.against(&joint.name))
+        .collect();
+    let mut report = blank_report(robot, recordings)?;
+    let mut traces = Vec::new();
+    if against.iter().all(Option::is_some) {
+        let blank = robot.joints.iter().zip(against);
+        report.joints = blank
+            .map(|(joint, why)| insufficient(&joint.name, why.unwrap_or_default()))
+            .collect();
+    } else {
+        let prepared = prepared(robot, &tables, |index| against[index].is_none());
+        report.data.extend(prepared.findings.iter().cloned());
+        let tables = prepared.tables(&tables);
+        let Prepared { robot, counted, .. } = &prepared;
+        let stretches = stretches(&tables, robot)?;
+        let twins = robot
+            .joints
+            .iter()
+            .enumerate()
+            .on_all_cores(|(index, _)| {
+                if against[index].is_some() {
+                    return Ok(None);
+                }
+                JointTwin::new(robot, index, &stretches)
+            })
+            .collect::<Result<Vec<_>, FilterError>>()?;
+        let repeated = Repeated::among(recordings);
+        report.data.extend(repeated.that_differ());
+        let done = AtomicUsize::new(0);
+        let joints = twins
+            .iter()
+            .enumerate()
+            .on_all_cores(|(index, twin)| {
+                let Some(twin) = twin else { return Ok(None) };
+                let name = &robot.joints[index].name;
+                let joint = Joint::of(index, twin, &counted[index], name, &repeated)?;
+                let begin = About::of(&joint.search, &joint.compared, &joint.start())?;
+                let alone = joint.explained(begin.clone(), None)?;
+                progress(Progress {
+                    done: done.fetch_add(1, Ordering::Relaxed) + 1,
+                    of: robot.joints.len(),
+                });
+                Ok(Some((joint, begin, alone)))
+            })
+            .collect::<Result<Vec<_>, FilterError>>()?;
+        let (mut all, mut begins, mut explained) = (Vec::new(), Vec::new(), Vec::new());
+        for joint in joints {
+            let (joint, begin, alone) = match joint {
+                Some((joint, begin, alone)) => (Some(joint), Some(begin), Some(alone)),
+                None => (None, None, None),
+            };
+            all.push(joint);
+            begins.push(begin);
+            explained.push(alone);
+        }
+        let found = shared::found(robot, &all, &begins, &explained)?;
+        let cause = found.map(|(shared, with)| {
+            explained = with;
+            shared
+        });
+        let common = common_delay(counted);
+        let arm = Arm {
+            shared: cause.as_ref().map(Shared::name),
+            common: common.as_ref(),
+        };
+        let told = all
+            .iter()
+            .zip(&explained)
+            .enumerate()
+            .on_all_cores(|(index, both)| {
+                let (Some(joint), Some(explained)) = both else {
+                    return Ok(None);
+                };
+                let name = &robot.joints[index].name;
+                let told = joint.said(name, explained, &counted[index], &arm, materiality)?;
+                let mut findings: Vec<DataFinding> =
+                    repeated.floor(name, &joint.search).into_iter().collect();
+                findings.extend(data::vibration(name, &joint.search));
+                Ok(Some((told, findings)))
+            })
+            .collect::<Result<Vec<_>, FilterError>>()?;
+        let (mut of_cause, mut of_delay) = (BTreeMap::new(), BTreeMap::new());
+        for (index, told) in told.into_iter().enumerate() {
+            let name = &robot.joints[index].name;
+            let Some((told, findings)) = told else {
+                let why = against[index].clone();
+                let why = why.unwrap_or_else(|| "nothing tells the joint's torque".to_owned());
+                report.joints.push(insufficient(name, why));
+                continue;
+            };
+            if let Some(share) = told.shared {
+                let share = JointShare {
+                    share: share.value,
+                    share_low: share.low,
+                    share_high: share.high,
+                };
+                of_cause.insert(name.clone(), share);
+            }
+            if common
+                .as_ref()
+                .is_some_and(|common| common.joints.contains(&index))
+            {
+                let share = JointShare {
+                    share: told.settled_share,
+                    share_low: told.settled_share,
+                    share_high: told.settled_share,
+                };
+                of_delay.insert(name.clone(), share);
+            }
+            report.joints.push(told.report);
+            report.data.extend(findings);
+            traces.push(told.traces);
+        }
+        let of_cause = cause.map(|cause| cause.told(of_cause));
+        let of_delay = common.map(|common| shared::told_delay(&common, robot, of_delay));
+        report.shared_effects = of_cause.into_iter().chain(of_delay).collect();
+    }
+    report.data.splice(..0, checked.report());
+    report.data.sort_by_key(DataFinding::rank);
+    report.compute_seconds = begin.elapsed().as_secs_f64();
+    Ok(Diagnosis { report, traces })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+mod tests {
+    use super::*;
+    use crate::made_up::{MadeUp, robot};
+
+    fn told(made_up: &MadeUp) -> JointReport {
+        let recordings = [("made up".to_owned(), made_up.recorded())];
+        let diagnosis = diagnose(&robot(), &recordings, 0.02, &|_| ()).unwrap();
+        diagnosis.report.joints.into_iter().next().unwrap()
+    }
+
+    fn names(joint: &JointReport) -> Vec<&str> {
+        let effects = joint.effects.iter();
+        effects.map(|found| found.effect.as_str()).collect()
+    }
+
+    #[test]
+    fn a_joint_as_its_file_has_it_has_no_gap() {
+        let joint = told(&MadeUp::KNOWN);
+        assert_eq!(joint.verdict, Verdict::NoGap, "{:?}", names(&joint));
+    }
+
+    #[test]
+    fn a_gap_in_the_gear_is_found_at_its_size() {
+        let gap_rad = 0.003;
+        let joint = told(&MadeUp {
+            gap_rad,
+            ..MadeUp::KNOWN
+        });
+        assert_eq!(names(&joint)[0], "backlash");
+        let found_rad = joint.effects[0].parameters["gap_rad"].value;
+        assert!((found_rad / gap_rad - 1.0).abs() < 0.1, "{found_rad}");
+        assert!(joint.gap.shrink > 0.8, "{}", joint.gap.shrink);
+    }
+
+    #[test]
+    fn a_ripple_is_told_with_its_cycles_and_takes_the_gap() {
+        let joint = told(&MadeUp {
+            ripple_nm: 1.0,
+            ..MadeUp::KNOWN
+        });
+        let ripple = &joint.effects[0];
+        assert_eq!(ripple.effect, "torque_ripple");
+        let cycles = ripple.parameters["cycles_per_motor_rev"].value;
+        assert!((cycles - 6.0).abs() < 0.05, "{cycles}");
+        assert!(ripple.share > 0.9, "{}", ripple.share);
+    }
+}

@@ -1,0 +1,176 @@
+//! Models fitted by simulation: Gauss and Newton's steps over known values, amplitudes and shapes at once, judged by what the
+//! simulation leaves.
+
+use joint_model::filter::FilterError;
+use nalgebra::{DMatrix, DVector};
+
+use super::rows::{Compared, own_columns};
+use crate::regression::evidence::Settled;
+use crate::search::{Model, Search, difference};
+
+/// Steps at most.
+const STEPS: usize = 6;
+/// Parts of a step that are tried, the first that takes something off is taken.
+const PARTS: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
+/// Nats that a step must take off, or it is the last: a tenth of what tells one set from another.
+const STILL_NATS: f64 = 0.3;
+/// Standard deviations of a known value at most.
+const TOLERANCE: f64 = 3.0;
+
+/// A model with what it leaves.
+#[derive(Clone, Debug)]
+pub struct Refined {
+    /// The model.
+    pub model: Model,
+    /// Half of its squares and strain in units of what the best set left, in nats.
+    pub nats: f64,
+}
+
+/// What a row of each signal is worth.
+pub struct Worth {
+    rows: Vec<f64>,
+}
+
+impl Worth {
+    /// By what was left of each signal.
+    pub fn of(compared: &Compared, settled: &[Settled]) -> Self {
+        let mut rows = Vec::new();
+        for (span, settled) in compared.spans.iter().zip(settled) {
+            let count = span.rows.len();
+            let worth = settled.independent_rows / count.max(1) as f64 / settled.variance;
+            rows.extend(std::iter::repeat_n(worth, count));
+        }
+        Self { rows }
+    }
+
+    fn product(&self, one: &[f64], other: &[f64]) -> f64 {
+        let all = self.rows.iter().zip(one).zip(other);
+        all.map(|((worth, a), b)| worth * a * b).sum()
+    }
+
+    fn nats(&self, model: &Model, left_nm: &[f64]) -> f64 {
+        let strain: f64 = model.known.iter().map(|k| k * k).sum();
+        0.5 * (self.product(left_nm, left_nm) + strain)
+    }
+}
+
+/// The model that leaves least from a start on. `known`: responses to the known values, about a model that is not far.
+///
+/// # Errors
+/// [`FilterError`].
+pub fn refined(
+    search: &Search<'_>,
+    compared: &Compared,
+    worth: &Worth,
+    known: &[Vec<f64>],
+    start: &Model,
+) -> Result<Refined, FilterError> {
+    // what coarse substeps do is the same to all that are compared
+    let to_reach_nm = {
+        let fine = search.residual_nm(start)?;
+        search.to_reach_nm(start, &fine)?
+    };
+    let coarse = |model: &Model| -> Result<(Vec<f64>, Vec<f64>), FilterError> {
+        let base_nm = search.coarsely_nm(model)?;
+        let left_nm = compared.pick(&difference(&to_reach_nm, &base_nm));
+        Ok((base_nm, left_nm))
+    };
+    let mut model = start.clone();
+    let (mut base_nm, mut left_nm) = coarse(&model)?;
+    let mut nats = worth.nats(&model, &left_nm);
+    for _ in 0..STEPS {
+        let mut columns: Vec<Vec<f64>> = known.to_vec();
+        for place in 0..model.terms.len() {
+            columns.extend(own_columns(search, compared, &base_nm, &model, place)?);
+        }
+        let Some(step) = step(worth, &columns, known.len(), &model, &left_nm) else {
+            break;
+        };
+        let mut found = None;
+        for part in PARTS {
+            let tried = moved(search, &model, known.len(), &step, part);
+            let (base, left) = coarse(&tried)?;
+            let after = worth.nats(&tried, &left);
+            if after < nats {
+                found = Some((tried, base, left, after));
+                break;
+            }
+        }
+        let Some((tried, base, left, after)) = found else {
+            break;
+        };
+        let gained = nats - after;
+        (model, base_nm, left_nm, nats) = (tried, base, left, after);
+        if gained < STILL_NATS {
+            break;
+        }
+    }
+    Ok(Refined { model, nats })
+}
+
+/// Gauss and Newton's step.
+fn step(
+    worth: &Worth,
+    columns: &[Vec<f64>],
+    known: usize,
+    model: &Model,
+    left_nm: &[f64],
+) -> Option<DVector<f64>> {
+    let count = columns.len();
+    let mut matrix = DMatrix::zeros(count, count);
+    let mut vector = DVector::zeros(count);
+    for i in 0..count {
+        for j in 0..=i {
+            let product = worth.product(&columns[i], &columns[j]);
+            matrix[(i, j)] = product;
+            matrix[(j, i)] = product;
+        }
+        vector[i] = worth.product(&columns[i], left_nm);
+    }
+    for i in 0..count {
+        // keeps what does not show where it is
+        matrix[(i, i)] += 1e-9 * matrix[(i, i)] + 1e-12;
+        if i < known {
+            matrix[(i, i)] += 1.0;
+            vector[i] -= model.known[i];
+        }
+    }
+    Some(matrix.cholesky()?.solve(&vector))
+}
+
+/// A model with part of a step, within what its values can be.
+fn moved(
+    search: &Search<'_>,
+    model: &Model,
+    known: usize,
+    step: &DVector<f64>,
+    part: f64,
+) -> Model {
+    let mut moved = model.clone();
+    for (value, step) in moved.known.iter_mut().zip(step.iter()) {
+        *value = (*value + part * step).clamp(-TOLERANCE, TOLERANCE);
+    }
+    for (value, of) in moved.known.iter_mut().zip(&search.twin.known) {
+        if of.is_positive() {
+            *value = value.max(0.0);
+        }
+    }
+    let mut place = known;
+    for term in &mut moved.terms {
+        let values = Search::values(&term.hypothesis);
+        let own: Vec<f64> = (place..place + values).map(|k| part * step[k]).collect();
+        place += values;
+        let mut stepped = search.stepped(term, &own);
+        let lowest = stepped.hypothesis.lowest(&search.scale);
+        for amplitude in &mut stepped.amplitudes {
+            *amplitude = amplitude.max(lowest);
+        }
+        if stepped.hypothesis.shape_is_free() {
+            let [least, most] = stepped.hypothesis.shape_range(&search.scale);
+            let shape = stepped.hypothesis.shape[0].clamp(least, most);
+            stepped.hypothesis = stepped.hypothesis.shaped(&[shape]);
+        }
+        *term = stepped;
+    }
+    moved
+}

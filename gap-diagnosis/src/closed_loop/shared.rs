@@ -1,0 +1,284 @@
+//! Causes that the whole arm shares: a payload or a tilted base, which every joint carries its part of, and a delay of the bus.
+
+use std::collections::BTreeMap;
+
+use joint_model::filter::FilterError;
+use nalgebra::DVector;
+use robot::{Effect, Robot};
+
+use super::rows::{About, OfArm, own_columns};
+use super::{Explained, Joint, counted};
+use crate::hypothesis::Hypothesis;
+use crate::on_all_cores::OnAllCores;
+use crate::regression::arm::{self, Cause};
+use crate::regression::evidence::Message;
+use crate::regression::told::{self, TEMPERATURE};
+use crate::report::{JointShare, NamedEffect, SharedEffect};
+use crate::search::Term;
+use crate::shared::CommonDelay;
+
+/// Rounds in which joints tell each other of the cause: a payload's inertia is quadratic in its moments, which settle to a hundredth in
+/// three.
+const ROUNDS: usize = 3;
+
+/// A cause, and every joint that has a twin beside it.
+type Beside = (Shared, Vec<Option<Explained>>);
+
+/// A cause with what all joints say of it.
+pub struct Shared {
+    cause: Cause,
+    effect: Effect,
+    std: Vec<f64>,
+    nats: f64,
+}
+
+impl Cause {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Payload => "payload",
+            Self::Tilt => "base_tilt",
+        }
+    }
+
+    /// What it is called at these amplitudes.
+    fn effect(self, said: &[f64]) -> Effect {
+        match self {
+            Self::Payload => Effect::Payload {
+                mass_kg: said[0],
+                centre_m: [1, 2, 3].map(|k| said[k] / said[0]),
+            },
+            Self::Tilt => Effect::BaseTilt {
+                roll_rad: said[0],
+                pitch_rad: said[1],
+            },
+        }
+    }
+
+    /// One step of each amplitude of its hypothesis.
+    fn steps(self, joint: &Joint<'_>, hypothesis: &Hypothesis) -> Vec<f64> {
+        let mut ones = vec![1.0; self.amplitudes()];
+        ones.truncate(hypothesis.amplitudes());
+        match hypothesis.effect(&ones, &joint.search.scale) {
+            Effect::Payload { mass_kg, centre_m } => {
+                let moments = centre_m.map(|along| mass_kg * along);
+                [mass_kg].into_iter().chain(moments).collect()
+            }
+            Effect::BaseTilt {
+                roll_rad,
+                pitch_rad,
+            } => vec![roll_rad, pitch_rad],
+            _ => ones,
+        }
+    }
+}
+
+/// A joint's responses about a cause of this size.
+fn beside(
+    joint: &Joint<'_>,
+    begin: &About,
+    cause: Cause,
+    said: &[f64],
+) -> Result<Option<(About, OfArm)>, FilterError> {
+    let search = &joint.search;
+    let mut hypotheses = search.hypotheses.iter();
+    let Some(hypothesis) = hypotheses.find(|of| of.effect == cause.name()) else {
+        return Ok(None);
+    };
+    let steps = cause.steps(joint, hypothesis);
+    let amplitudes = said.iter().zip(&steps).map(|(value, step)| value / step);
+    let term = Term {
+        hypothesis: hypothesis.clone(),
+        amplitudes: amplitudes.collect(),
+    };
+    let mut model = begin.model.clone();
+    model.terms.insert(0, term.clone());
+    let base_nm = search.coarsely_nm(&model)?;
+    let mut columns = own_columns(search, &joint.compared, &base_nm, &model, 0)?;
+    for (column, step) in columns.iter_mut().zip(&steps) {
+        column.iter_mut().for_each(|x| *x /= step);
+    }
+    model.terms.remove(0);
+    model.settled.push(term);
+    let of_arm = OfArm {
+        columns,
+        said: said.to_vec(),
+        message: cause.prior(),
+    };
+    let mut about = About {
+        gap_nm: joint.compared.pick(&search.residual_nm(&model)?),
+        model,
+        ..begin.clone()
+    };
+    of_arm.add_to(&mut about);
+    Ok(Some((about, of_arm)))
+}
+
+/// The cause that explains the joints better than each its own does, with every joint beside it; none if there is none.
+pub(super) fn found<'a>(
+    robot: &Robot,
+    joints: &[Option<Joint<'a>>],
+    begins: &[Option<About>],
+    alone: &[Option<Explained>],
+) -> Result<Option<Beside>, FilterError> {
+    let mut best: Option<Beside> = None;
+    for cause in Cause::ALL {
+        let found = worth(robot, joints, begins, alone, cause)?;
+        let is_better = |found: &(Shared, _)| {
+            best.as_ref()
+                .is_none_or(|(best, _)| found.0.nats > best.nats)
+        };
+        if let Some(found) = found.filter(is_better) {
+            best = Some(found);
+        }
+    }
+    Ok(best)
+}
+
+fn worth<'a>(
+    robot: &Robot,
+    joints: &[Option<Joint<'a>>],
+    begins: &[Option<About>],
+    alone: &[Option<Explained>],
+    cause: Cause,
+) -> Result<Option<Beside>, FilterError> {
+    // about a little of it, since nothing has no centre
+    let mut said = DVector::zeros(cause.amplitudes());
+    if cause == Cause::Payload {
+        said[0] = 0.1;
+    }
+    let mut all: Vec<Option<(About, OfArm)>> = Vec::new();
+    let mut messages: Vec<Option<Message>> = Vec::new();
+    for _ in 0..ROUNDS {
+        all = joints
+            .iter()
+            .zip(begins)
+            .on_all_cores(|both| match both {
+                (Some(joint), Some(begin)) => beside(joint, begin, cause, said.as_slice()),
+                _ => Ok(None),
+            })
+            .collect::<Result<Vec<_>, FilterError>>()?;
+        if all.iter().flatten().count() < 2 {
+            return Ok(None);
+        }
+        // names that were found without the cause may stand for it
+        messages = joints
+            .iter()
+            .zip(&all)
+            .on_all_cores(|both| match both {
+                (Some(joint), Some((about, of_arm))) => {
+                    let evidence = about.usual_evidence(&joint.compared.spans, of_arm);
+                    evidence.message(evidence.usual())
+                }
+                _ => None,
+            })
+            .collect();
+        let together = arm::all(cause, &messages);
+        let Some((next, _)) = together.said() else {
+            return Ok(None);
+        };
+        // half of what it takes off if nothing else could
+        if 0.5 * next.dot(&together.pull) < cause.cost() {
+            return Ok(None);
+        }
+        said = next;
+    }
+    let others = arm::others(cause, &messages);
+    let with = joints
+        .iter()
+        .zip(all)
+        .zip(others)
+        .on_all_cores(|((joint, all), message)| {
+            let (Some(joint), Some((about, of_arm))) = (joint, all) else {
+                return Ok(None);
+            };
+            let of_arm = OfArm { message, ..of_arm };
+            Ok(Some(joint.explained(about, Some(&of_arm))?))
+        })
+        .collect::<Result<Vec<_>, FilterError>>()?;
+    let gained = alone.iter().zip(&with).filter_map(|(alone, with)| {
+        let (alone, with) = (alone.as_ref()?, with.as_ref()?);
+        Some(with.ahead_of(alone))
+    });
+    let nats = gained.sum::<f64>() - cause.cost();
+    let own: Vec<Option<Message>> = with
+        .iter()
+        .map(|with| {
+            let with = with.as_ref()?;
+            with.evidence.message(with.sets[0].names)
+        })
+        .collect();
+    let Some((said, covariance)) = arm::all(cause, &own).said() else {
+        return Ok(None);
+    };
+    let is_body = cause != Cause::Payload || {
+        let last = robot.chain.links().last();
+        let error_kg = covariance[(0, 0)].max(0.0).sqrt();
+        last.is_some_and(|last| said[0] + 2.0 * error_kg > -last.mass_kg)
+    };
+    let shared = Shared {
+        cause,
+        effect: cause.effect(said.as_slice()),
+        std: covariance
+            .diagonal()
+            .map(|x| x.max(0.0).sqrt())
+            .as_slice()
+            .to_vec(),
+        nats,
+    };
+    Ok((nats > 0.0 && is_body).then_some((shared, with)))
+}
+
+impl Shared {
+    /// Name of the cause.
+    pub fn name(&self) -> &'static str {
+        self.cause.name()
+    }
+
+    /// For the report.
+    pub fn told(self, joint_shares: BTreeMap<String, JointShare>) -> SharedEffect {
+        let mut parameters = told::parameters(&self.effect);
+        let names: &[&str] = match self.cause {
+            Cause::Payload => &["mass_kg"],
+            Cause::Tilt => &["roll_rad", "pitch_rad"],
+        };
+        for (name, std) in names.iter().zip(&self.std) {
+            if let Some(parameter) = parameters.get_mut(*name) {
+                parameter.std = *std;
+            }
+        }
+        let count = joint_shares.len().max(1) as f64;
+        let mean = |of: fn(&JointShare) -> f64| joint_shares.values().map(of).sum::<f64>() / count;
+        SharedEffect {
+            effect: NamedEffect {
+                effect: self.name().to_owned(),
+                probability: 1.0 / (1.0 + (-self.nats / TEMPERATURE).exp()),
+                parameters,
+                side: None,
+                share: mean(|share| share.share),
+                share_low: mean(|share| share.share_low),
+                share_high: mean(|share| share.share_high),
+                shrink_alone: 0.0,
+            },
+            joints: joint_shares.keys().cloned().collect(),
+            joint_shares,
+        }
+    }
+}
+
+/// A delay of the bus, for the report.
+pub fn told_delay(
+    common: &CommonDelay,
+    robot: &Robot,
+    joint_shares: BTreeMap<String, JointShare>,
+) -> SharedEffect {
+    let count = joint_shares.len().max(1) as f64;
+    let share = joint_shares.values().map(|share| share.share).sum::<f64>() / count;
+    let names = common.joints.iter();
+    SharedEffect {
+        effect: counted::named_effect(&common.found, share),
+        joints: names
+            .map(|joint| robot.joints[*joint].name.clone())
+            .collect(),
+        joint_shares,
+    }
+}

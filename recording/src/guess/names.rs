@@ -1,0 +1,294 @@
+//! Joints, signals and units by the names of columns and the size of their values.
+
+use super::{Guess, GuessJoint, GuessedColumn, Sure};
+use crate::Signal;
+use crate::clock::{only_time_column, time_column};
+use crate::columns::{Known, TIME, joint_and_signal};
+use crate::frame::{Column, Frame, Values};
+use crate::names::{Meaning, Quantity, is_numbered_joint, meaning, says_measured, without_joint};
+use std::cmp::Reverse;
+use std::f64::consts::PI;
+
+/// What is known while the columns are looked at.
+pub(super) struct Guesser<'a> {
+    pub(super) frame: &'a Frame,
+    joints: &'a [GuessJoint],
+    mostly_degrees: bool,
+}
+
+impl<'a> Guesser<'a> {
+    pub(super) fn new(frame: &'a Frame, joints: &'a [GuessJoint]) -> Self {
+        Self {
+            frame,
+            joints,
+            mostly_degrees: mostly_degrees(frame, joints),
+        }
+    }
+
+    pub(super) fn guess(&self) -> Guess {
+        let columns = || self.frame.columns.iter();
+        let time = only_time_column(columns().map(|column| &*column.name));
+        let mut guess = Guess {
+            has_time: columns().any(|column| column.name == TIME) || time.is_some(),
+            ..Guess::default()
+        };
+        let mut columns: Vec<(usize, GuessedColumn)> = Vec::new();
+        for (index, column) in self.frame.columns.iter().enumerate() {
+            if column.name == TIME || time_column(&column.name).is_some() {
+                continue;
+            }
+            match self.column(index, column) {
+                Ok(found) => columns.push((index, found)),
+                Err(why) => guess.left_out.push((column.name.clone(), why)),
+            }
+        }
+        self.weigh_velocities(&mut columns);
+        // The surest of several for one signal, and of these one that was measured.
+        columns.sort_by_key(|(index, found)| {
+            let joint = self
+                .joints
+                .iter()
+                .position(|joint| joint.name == found.joint);
+            let is_measured = says_measured(&found.column);
+            let best_first = Reverse((found.sure, is_measured));
+            (joint, found.signal, best_first, *index)
+        });
+        for (_, found) in columns {
+            let same =
+                |known: &&GuessedColumn| known.joint == found.joint && known.signal == found.signal;
+            match guess.columns.iter().find(same) {
+                Some(known) => {
+                    let why = format!(
+                        "`{}` is the {} of {}",
+                        known.column, known.signal, known.joint
+                    );
+                    guess.left_out.push((found.column, why));
+                }
+                None => guess.columns.push(found),
+            }
+        }
+        guess
+    }
+
+    /// What a column is by its name and its values, or why it is left out.
+    fn column(&self, index: usize, column: &Column) -> Result<GuessedColumn, String> {
+        let found = |joint: &GuessJoint, signal, scale, sure, why| GuessedColumn {
+            column: column.name.clone(),
+            joint: joint.name.clone(),
+            signal,
+            scale,
+            sure,
+            why,
+        };
+        if let Some(Known { joint, signal, .. }) =
+            self.frame.known.iter().find(|known| known.column == index)
+        {
+            let joint = self
+                .joint_named(joint)
+                .ok_or("the robot has no such joint")?;
+            let (signal, scale, sure, why) =
+                of_the_motor(*signal, joint, Sure::Certain, "the message says it");
+            return Ok(found(joint, signal, scale, sure, why));
+        }
+        if let Some((joint, signal)) = joint_and_signal(&column.name) {
+            let joint = self
+                .joint_named(joint)
+                .ok_or("the robot has no such joint")?;
+            return Ok(found(
+                joint,
+                signal,
+                1.0,
+                Sure::Certain,
+                "its name is a signal's".to_owned(),
+            ));
+        }
+        if let Some((joint, signal)) = self.frame.named_by_format(index) {
+            let joint = self
+                .joint_named(joint)
+                .ok_or("the robot has no such joint")?;
+            let (scale, unit) = self.unit(column);
+            let (sure, why) = match unit {
+                None => (Sure::Likely, "the dataset says it".to_owned()),
+                // What LeRobot does unless it is told to use degrees.
+                Some(unit) => (
+                    Sure::Doubtful,
+                    format!("the dataset says it; {unit}, or hundredths of a calibrated range"),
+                ),
+            };
+            let (signal, to_motor, sure, why) = of_the_motor(signal, joint, sure, &why);
+            return Ok(found(joint, signal, scale * to_motor, sure, why));
+        }
+        let (joint, meaning, mut sure, mut why) = self.by_name(index, &column.name)?;
+        let (signal, side_is_supposed) = meaning.signal();
+        let (scale, unit) = self.unit(column);
+        if let Some(unit) = unit {
+            sure = sure.min(Sure::Likely);
+            why.push(unit);
+        }
+        if side_is_supposed {
+            sure = sure.min(Sure::Likely);
+            why.push("behind the gear, as its name tells no side".to_owned());
+        }
+        let (signal, to_motor, sure, why) = of_the_motor(signal, joint, sure, &why.join("; "));
+        Ok(found(joint, signal, scale * to_motor, sure, why))
+    }
+
+    /// The joint that a column's name is of and what it says, how sure that is and why.
+    fn by_name(
+        &self,
+        index: usize,
+        name: &str,
+    ) -> Result<(&GuessJoint, Meaning, Sure, Vec<String>), String> {
+        let mut why = vec!["by its name".to_owned()];
+        // Names of joints have words in them that would say something else: `shoulder_joint`. The longest that fits counts.
+        let named = self.joints.iter().filter_map(|joint| {
+            let rest = without_joint(name, &joint.name)?;
+            Some((joint, rest))
+        });
+        let named = named.max_by_key(|(joint, _)| joint.name.len());
+        if let Some((joint, rest)) = &named
+            && let Some(found) = meaning(rest).filter(|found| found.rest.is_empty())
+        {
+            return Ok((joint, found, Sure::Certain, why));
+        }
+        let is_joint = named.as_ref().is_some_and(|(_, rest)| rest.is_empty());
+        let found = meaning_of(name, self.joints).ok_or("its name says nothing that is known")?;
+        let mut sure = Sure::Certain;
+        if meaning(name).is_none() {
+            why.push("a position, as it has a joint's name alone".to_owned());
+            sure = Sure::Doubtful;
+        }
+        if let Some((joint, _)) = named.filter(|_| is_joint) {
+            return Ok((joint, found, sure, why));
+        }
+        let (joint, by_number) = self
+            .joint_of(&found.rest)
+            .ok_or("its name is of no joint of the robot")?;
+        if by_number {
+            sure = sure.min(Sure::Likely);
+            why.push("joints by their number".to_owned());
+            let columns = self.frame.width_of(index);
+            if columns.is_some_and(|columns| columns != self.joints.len()) {
+                sure = Sure::Doubtful;
+                why.push("of which it has others than the robot".to_owned());
+            }
+        }
+        Ok((joint, found, sure, why))
+    }
+
+    /// Signal over column, and why where its name does not tell the unit.
+    fn unit(&self, column: &Column) -> (f64, Option<String>) {
+        let told = meaning(&column.name).and_then(|meaning| meaning.scale);
+        match unnamed_angle(column, self.joints) {
+            Some(farthest) if farthest > FARTHEST_RAD => {
+                let why = format!("degrees, as it goes to {farthest:.1}");
+                (PI / 180.0, Some(why))
+            }
+            Some(_) if self.mostly_degrees => {
+                let why = "degrees, as most positions are".to_owned();
+                (PI / 180.0, Some(why))
+            }
+            _ => (told.unwrap_or(1.0), None),
+        }
+    }
+
+    pub(super) fn joint_named(&self, name: &str) -> Option<&GuessJoint> {
+        self.joints.iter().find(|joint| joint.name == name)
+    }
+
+    /// The joint that the rest of a column's name is of; whether only by its number.
+    fn joint_of(&self, rest: &[String]) -> Option<(&GuessJoint, bool)> {
+        let plain = |text: &str| -> String {
+            let kept = text.chars().filter(|c| c.is_alphanumeric());
+            kept.flat_map(char::to_lowercase).collect()
+        };
+        let name = rest.concat();
+        if let Some(joint) = self.joints.iter().find(|joint| plain(&joint.name) == name) {
+            return Some((joint, false));
+        }
+        if let ([joint], true) = (self.joints, name.is_empty()) {
+            return Some((joint, false));
+        }
+        let digits = |text: &str| -> Option<usize> {
+            let start = text.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+            text[start..].parse().ok()
+        };
+        let number = digits(&name)?;
+        let is_zero = |name: &str| {
+            let name = meaning(name).map_or_else(
+                || is_numbered_joint(name).then(|| plain(name)),
+                |meaning| Some(meaning.rest.concat()),
+            );
+            name.is_some_and(|name| digits(&name) == Some(0))
+        };
+        let mut columns = self.frame.columns.iter();
+        let from_zero = columns.any(|column| is_zero(&column.name));
+        let of_joint = |number| {
+            let mut joints = self.joints.iter();
+            joints.find(|joint| digits(&joint.name) == Some(number))
+        };
+        // The robot's own numbers go before counting, where both begin at 0 or neither does.
+        let numbered = of_joint(number).filter(|_| from_zero == of_joint(0).is_some());
+        let counted = || {
+            self.joints
+                .get(number.checked_sub(usize::from(!from_zero))?)
+        };
+        numbered.or_else(counted).map(|joint| (joint, true))
+    }
+}
+
+/// A torque that is told at the joint is, of a geared joint, most likely the motor's times the ratio: sensors are rare.
+fn of_the_motor(
+    signal: Signal,
+    joint: &GuessJoint,
+    sure: Sure,
+    why: &str,
+) -> (Signal, f64, Sure, String) {
+    if signal != Signal::JointTorqueNm || joint.gear_ratio == 1.0 {
+        return (signal, 1.0, sure, why.to_owned());
+    }
+    let why = format!(
+        "{why}; the motor's seen at the joint, over the gear ratio; for a torque sensor write joint_torque_nm"
+    );
+    (
+        Signal::MotorTorqueNm,
+        1.0 / joint.gear_ratio,
+        Sure::Doubtful,
+        why,
+    )
+}
+
+/// What a column's name says; a joint's name alone is its position, by custom.
+fn meaning_of(name: &str, joints: &[GuessJoint]) -> Option<Meaning> {
+    let is_joint = |joint: &GuessJoint| without_joint(name, &joint.name).as_deref() == Some("");
+    meaning(name).or_else(|| {
+        let alone = is_numbered_joint(name) || joints.iter().any(is_joint);
+        alone
+            .then(|| meaning(&format!("position {name}")))
+            .flatten()
+    })
+}
+
+/// How far a column goes that holds positions of joints and whose name does not tell their unit.
+fn unnamed_angle(column: &Column, joints: &[GuessJoint]) -> Option<f64> {
+    let meaning = meaning_of(&column.name, joints)?;
+    let is_angle = meaning.quantity == Quantity::Position && meaning.is_motor != Some(true);
+    let Values::Numbers(values) = &column.values else {
+        return None;
+    };
+    let farther = |farthest: f64, value: &f64| farthest.max(value.abs());
+    (is_angle && meaning.scale.is_none()).then(|| values.iter().fold(0.0, farther))
+}
+
+/// A joint turns once each way at most, but for a motor.
+const FARTHEST_RAD: f64 = 2.5 * PI;
+
+/// Whether most positions go farther than joints do in radians: logs have one unit for all.
+fn mostly_degrees(frame: &Frame, joints: &[GuessJoint]) -> bool {
+    let angles = frame.columns.iter();
+    let farthest: Vec<f64> = angles
+        .filter_map(|column| unnamed_angle(column, joints))
+        .collect();
+    let beyond = farthest.iter().filter(|farthest| **farthest > FARTHEST_RAD);
+    2 * beyond.count() > farthest.len()
+}

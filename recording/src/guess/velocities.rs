@@ -1,0 +1,133 @@
+//! A velocity is what its position's difference says, in whatever unit and on whatever side of the gear.
+
+use super::names::Guesser;
+use super::{GuessedColumn, Sure};
+use crate::Signal;
+use crate::clock::{UnitsPerSecond, only_time_column};
+use crate::columns::TIME;
+use crate::frame::Values;
+use std::f64::consts::PI;
+use std::fmt::Write;
+
+impl Guesser<'_> {
+    /// Unit, sign and side of the gear of velocities, from their positions.
+    pub(super) fn weigh_velocities(&self, columns: &mut [(usize, GuessedColumn)]) {
+        let Some(time_s) = self.times_s() else { return };
+        let positions: Vec<(String, Vec<f64>)> = columns
+            .iter()
+            .filter(|(_, found)| found.signal == Signal::LinkPositionRad)
+            .map(|(index, found)| {
+                let numbers = self.numbers(*index);
+                let scaled = numbers.iter().map(|value| value * found.scale);
+                (found.joint.clone(), scaled.collect())
+            })
+            .collect();
+        let velocities = columns
+            .iter_mut()
+            .filter(|(_, found)| found.signal == Signal::LinkVelocityRadS);
+        for (index, found) in velocities {
+            let position = positions.iter().find(|(joint, _)| *joint == found.joint);
+            let ratio = self
+                .joint_named(&found.joint)
+                .map_or(1.0, |joint| joint.gear_ratio);
+            let slope =
+                position.and_then(|(_, position)| slope(&time_s, position, &self.numbers(*index)));
+            let Some(slope) = slope.map(|slope| slope * found.scale) else {
+                continue;
+            };
+            let explained = [
+                (
+                    1.0,
+                    Signal::LinkVelocityRadS,
+                    "agrees with the position's difference",
+                ),
+                (
+                    180.0 / PI,
+                    Signal::LinkVelocityRadS,
+                    "is 57.3 times the position's difference: degrees",
+                ),
+                (
+                    30.0 / PI,
+                    Signal::LinkVelocityRadS,
+                    "is 9.55 times the position's difference: turns per minute",
+                ),
+                (
+                    ratio,
+                    Signal::MotorVelocityRadS,
+                    "is the gear ratio times the position's difference",
+                ),
+                (
+                    ratio * 30.0 / PI,
+                    Signal::MotorVelocityRadS,
+                    "is the motor's, in turns per minute, by the position's difference",
+                ),
+                (
+                    ratio * 180.0 / PI,
+                    Signal::MotorVelocityRadS,
+                    "is the motor's, in degrees, by the position's difference",
+                ),
+            ];
+            let near = |factor: f64| (slope.abs() / factor.abs() - 1.0).abs() < 0.1;
+            let Some((factor, signal, why)) =
+                explained.into_iter().find(|(factor, _, _)| near(*factor))
+            else {
+                found.sure = Sure::Doubtful;
+                let _ = write!(found.why, "; is {slope:.3} times the position's difference");
+                continue;
+            };
+            found.signal = signal;
+            let _ = write!(found.why, "; {why}");
+            // On the motor's side the velocity is the position's difference times the ratio, with its sign.
+            let side = if signal == Signal::MotorVelocityRadS {
+                ratio
+            } else {
+                1.0
+            };
+            found.scale *= side * slope.signum() / factor.abs();
+            if slope * side < 0.0 {
+                found.why.push_str(", reversed");
+            }
+        }
+    }
+
+    fn times_s(&self) -> Option<Vec<f64>> {
+        let columns = &self.frame.columns;
+        let named = columns.iter().position(|column| column.name == TIME);
+        let (time, unit) = match named {
+            Some(time) => (time, Some(UnitsPerSecond::SECONDS)),
+            None => only_time_column(columns.iter().map(|column| &*column.name))?,
+        };
+        crate::frame::times_s(&columns[time].values, unit)
+    }
+
+    fn numbers(&self, column: usize) -> Vec<f64> {
+        match &self.frame.columns[column].values {
+            Values::Numbers(values) => values.clone(),
+            Values::Integers(values) | Values::Instants(values, _) => values
+                .iter()
+                .map(|value| value.map_or(f64::NAN, |value| value as f64))
+                .collect(),
+        }
+    }
+}
+
+/// Least squares of a velocity over the difference of its position; `None` if it stands still or scatters.
+fn slope(time_s: &[f64], position: &[f64], velocity: &[f64]) -> Option<f64> {
+    let (mut with, mut of, mut own) = (0.0, 0.0, 0.0);
+    for row in 1..time_s
+        .len()
+        .min(position.len())
+        .min(velocity.len())
+        .saturating_sub(1)
+    {
+        let step_s = time_s[row + 1] - time_s[row - 1];
+        let difference = (position[row + 1] - position[row - 1]) / step_s;
+        if step_s > 0.0 && difference.is_finite() && velocity[row].is_finite() {
+            with += velocity[row] * difference;
+            of += difference * difference;
+            own += velocity[row] * velocity[row];
+        }
+    }
+    // Half of the squares are of something else: nothing can be told.
+    (with * with > 0.5 * of * own && of > 0.0).then(|| with / of)
+}
