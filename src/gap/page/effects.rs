@@ -19,7 +19,7 @@ const NAMELESS: &str = "without a name";
 pub fn section(report: &Report) -> Section {
     let section = Section::new("which", "Which effect").paragraph(
         "Share: the part of the gap, on data that nothing was fitted to, that an effect takes off, averaged over the orders in which \
-         the effects can be added. All shares of a joint add up to 100 %.",
+         the effects can be added. All shares of a joint add up to 100 %; one below zero makes the gap larger there.",
     );
     let section = match shares(report) {
         Some(figure) => section.figure(figure),
