@@ -193,6 +193,41 @@ fn what_has_no_name_is_written_as_a_table_and_shrinks_the_gap_on_another_motion(
 }
 
 #[test]
+fn plant_and_simulation_have_a_table_alike() {
+    const KEY: &str = "rotor_inertia_kg_m2 = 1.14e-5";
+    const TABLES: &str = r#"torque_tables = [
+  { over = "position", at = [-1.0, -0.3, 0.2, 0.8], torque_nm = [1.0, -1.5, 1.2, -1.0] },
+  { over = "velocity", at = [-1.0, 0.0, 1.0], torque_nm = [-0.2, 0.3, 1.5] },
+]
+"#;
+    let bench = bench("tables");
+    let without = fs::read_to_string(bench.file("bench.toml")).unwrap();
+    fs::write(bench.file("without.toml"), &without).unwrap();
+    let with = without.replacen(KEY, &format!("{TABLES}{KEY}"), 1);
+    assert_ne!(with, without);
+    fs::write(bench.file("bench.toml"), with).unwrap();
+    let mut run = bench.run(&["--mode", "lockstep", "--robot", "bench.toml"]);
+    run.args(["--trajectory", "multi_sine", "--duration", "20s"]);
+    let ran = output(run);
+    assert!(ran.status.success(), "{}", text(&ran));
+    let torque_rms = |robot: &str, which: &str| {
+        flexspline(
+            &bench,
+            &format!("gap diagnose --robot {robot} --recording run.mcap --out tables"),
+        );
+        let joint = &json(&bench, "tables/report.json")["joints"][0];
+        joint["gap"]["torque_rms_nm"][which].as_f64().unwrap()
+    };
+    let floor_nm = torque_rms("bench.toml", "noise_floor");
+    let (known_nm, unknown_nm) = (
+        torque_rms("bench.toml", "before"),
+        torque_rms("without.toml", "before"),
+    );
+    assert!(known_nm < 2.0 * floor_nm, "{known_nm} {floor_nm}");
+    assert!(unknown_nm > 20.0 * floor_nm, "{unknown_nm} {floor_nm}");
+}
+
+#[test]
 fn encoders_that_are_read_apart_are_told_and_no_effect_is_named_for_it() {
     const EARLIER_MS: f64 = 0.3;
     const ZERO_RAD: f64 = 2e-3;
