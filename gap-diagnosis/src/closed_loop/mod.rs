@@ -15,7 +15,7 @@ use joint_model::filter::FilterError;
 use recording::Recording;
 use robot::Robot;
 
-use crate::data::{self, Checked};
+use crate::data::{self, Checked, ONE_FREQUENCY};
 use crate::diagnose::{
     DiagnoseError, Diagnosis, JointTraces, Prepared, Progress, blank_report, insufficient,
     prepared, settled,
@@ -49,6 +49,7 @@ struct Joint<'a> {
     search: Search<'a>,
     compared: Compared,
     settled: Vec<Term>,
+    poverty: Option<&'static str>,
 }
 
 /// What the arm shares.
@@ -107,12 +108,14 @@ impl<'a> Joint<'a> {
         counted: &[Counted],
         name: &str,
         repeated: &Repeated,
+        poverty: Option<&'static str>,
     ) -> Result<Self, FilterError> {
         let mut search = Search::new(twin)?;
         search.repeats_nm = repeated.scatter_nm(name, &search)?;
         Ok(Self {
             index,
-            compared: Compared::of(&search),
+            compared: Compared::of(&search, poverty.is_some()),
+            poverty,
             settled: settled(counted, &search.scale),
             search,
         })
@@ -123,7 +126,7 @@ impl<'a> Joint<'a> {
     }
 
     fn weighed(&self, about: About, of_arm: Option<&OfArm>) -> Explained {
-        let evidence = about.evidence(&self.compared.spans, of_arm, Evidence::of);
+        let evidence = about.evidence(&self.compared, of_arm, Evidence::of);
         let sets = evidence.best(|fit| about.is_possible(&self.search, fit));
         Explained {
             about,
@@ -265,7 +268,7 @@ impl<'a> Joint<'a> {
         let is_at_floor = above.all(|(left, settled)| *left <= FLOOR.powi(2) * settled.floor);
         let without_cause = |_| {
             let beside = |problem: &Problem<'_>| Evidence::beside(problem, &explained.evidence);
-            explained.about.evidence(&self.compared.spans, None, beside)
+            explained.about.evidence(&self.compared, None, beside)
         };
         let alone = arm.shared.map(without_cause);
         let called = Responses {
@@ -285,6 +288,7 @@ impl<'a> Joint<'a> {
             is_at_floor: Some(is_at_floor),
             shared: arm.shared,
             signals: self.signals(&gap_nm),
+            is_one_frequency: self.poverty == Some(ONE_FREQUENCY),
             materiality,
         };
         let Said {
@@ -415,7 +419,14 @@ pub fn diagnose(
             .on_all_cores(|(index, twin)| {
                 let Some(twin) = twin else { return Ok(None) };
                 let name = &robot.joints[index].name;
-                let joint = Joint::of(index, twin, &counted[index], name, &repeated)?;
+                let joint = Joint::of(
+                    index,
+                    twin,
+                    &counted[index],
+                    name,
+                    &repeated,
+                    checked.poverty(name),
+                )?;
                 let begin = About::of(&joint.search, &joint.compared, &joint.start())?;
                 let alone = joint.explained(begin.clone(), None)?;
                 progress(Progress {

@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::rows::{Compared, own_columns};
 use crate::regression::evidence::Settled;
-use crate::search::{Model, Search, difference};
+use crate::search::{Model, Search, Term, difference};
 
 /// Steps at most.
 const STEPS: usize = 6;
@@ -49,8 +49,13 @@ impl Worth {
     }
 
     fn nats(&self, model: &Model, left_nm: &[f64]) -> f64 {
-        let strain: f64 = model.known.iter().map(|k| k * k).sum();
-        0.5 * (self.product(left_nm, left_nm) + strain)
+        let known: f64 = model.known.iter().map(|k| k * k).sum();
+        let terms = model.terms.iter().map(|term| {
+            let plausible = term.hypothesis.plausible_steps();
+            let amplitudes = term.amplitudes.iter();
+            amplitudes.map(|a| (a / plausible).powi(2)).sum::<f64>()
+        });
+        0.5 * (self.product(left_nm, left_nm) + known + terms.sum::<f64>())
     }
 }
 
@@ -127,15 +132,27 @@ fn step(
         }
         vector[i] = worth.product(&columns[i], left_nm);
     }
-    for i in 0..count {
+    let priors = model.known.iter().take(known).map(|k| (1.0, *k));
+    let priors = priors.chain(model.terms.iter().flat_map(of_values));
+    for (i, (precision, value)) in priors.enumerate() {
         // keeps what does not show where it is
-        matrix[(i, i)] += 1e-9 * matrix[(i, i)] + 1e-12;
-        if i < known {
-            matrix[(i, i)] += 1.0;
-            vector[i] -= model.known[i];
-        }
+        matrix[(i, i)] += 1e-9 * matrix[(i, i)] + 1e-12 + precision;
+        vector[i] -= precision * value;
     }
     Some(matrix.cholesky()?.solve(&vector))
+}
+
+/// Prior precision and value of all that is fitted of a term: nothing is known of its shape.
+fn of_values(term: &Term) -> Vec<(f64, f64)> {
+    let precision = term.hypothesis.plausible_steps().powi(-2);
+    let amplitudes = term.amplitudes.iter().map(|value| (precision, *value));
+    let mut all: Vec<(f64, f64)> = if term.hypothesis.is_switch() {
+        Vec::new()
+    } else {
+        amplitudes.collect()
+    };
+    all.resize(Search::values(&term.hypothesis), (0.0, 0.0));
+    all
 }
 
 /// A model with part of a step, within what its values can be.

@@ -17,8 +17,10 @@ const ERRORS: f64 = 2.0;
 const TOLERANCE: f64 = 3.0;
 /// Names among which one costs [`NAME_NATS`]; among more the odds against each are longer.
 const A_DOZEN: f64 = 12.0;
-/// Part of its torque by which a law of friction or of a gear is no truer, however well it is fitted.
+/// Part of its torque by which a law of friction or of a gear is no truer, however well it is fitted; and on motion of one speed, direction
+/// or frequency, where two laws differ in nothing but the short times in which the joint turns or starts, of which no law is true.
 const LAW: f64 = 0.03;
+const LAW_ON_POOR_MOTION: f64 = 0.075;
 /// What every joint may have.
 const USUAL: [&str; 3] = ["coulomb_friction", "viscous_friction", "torque_offset"];
 
@@ -29,11 +31,14 @@ pub struct Compared {
     weights: Vec<f64>,
     /// Signals, in the order of the twin's channels.
     pub spans: Vec<Span>,
+    /// Part of what the names explain by which no law is exact.
+    pub inexact: f64,
 }
 
 impl Compared {
-    /// Rows signal by signal. What nobody can tell of a row lets it count less; the mean square of the weights is one.
-    pub fn of(search: &Search<'_>) -> Self {
+    /// Rows signal by signal. What nobody can tell of a row lets it count less; the mean square of the weights is one. `is_poor`: the joint
+    /// moves at one speed, in one direction or at one frequency.
+    pub fn of(search: &Search<'_>, is_poor: bool) -> Self {
         let rows = &search.twin.rows;
         let mut order = Vec::with_capacity(rows.len());
         let mut weights = Vec::with_capacity(rows.len());
@@ -58,6 +63,7 @@ impl Compared {
             order,
             weights,
             spans,
+            inexact: if is_poor { LAW_ON_POOR_MOTION } else { LAW },
         }
     }
 
@@ -221,23 +227,23 @@ impl About {
     /// The evidence, beside what the arm shares.
     pub fn evidence<R>(
         &self,
-        spans: &[Span],
+        compared: &Compared,
         of_arm: Option<&OfArm>,
         of: impl FnOnce(&Problem<'_>) -> R,
     ) -> R {
         of(&Problem {
             gap_nm: &self.gap_nm,
-            spans,
+            spans: &compared.spans,
             items: &self.items(),
             smooth: &[],
-            inexact: LAW,
+            inexact: compared.inexact,
             tolerated: &self.known,
             shared: of_arm.map(|of| (of.columns.as_slice(), &of.message)),
         })
     }
 
     /// The evidence of what every joint may have, beside what the arm shares.
-    pub fn usual_evidence(&self, spans: &[Span], of_arm: &OfArm) -> Evidence {
+    pub fn usual_evidence(&self, compared: &Compared, of_arm: &OfArm) -> Evidence {
         let items: Vec<Item<'_>> = self
             .items()
             .into_iter()
@@ -245,10 +251,10 @@ impl About {
             .collect();
         Evidence::of(&Problem {
             gap_nm: &self.gap_nm,
-            spans,
+            spans: &compared.spans,
             items: &items,
             smooth: &[],
-            inexact: LAW,
+            inexact: compared.inexact,
             tolerated: &self.known,
             shared: Some((of_arm.columns.as_slice(), &of_arm.message)),
         })
@@ -260,7 +266,7 @@ impl About {
             .map(|response| Item {
                 kind: response.kind,
                 cost: response.cost,
-                deviation: None,
+                deviation: Some(response.term.hypothesis.plausible_steps()),
                 is_usual: USUAL.contains(&response.term.hypothesis.effect),
                 columns: &response.columns,
             })

@@ -166,7 +166,7 @@ fn worth<'a>(
             .zip(&all)
             .on_all_cores(|both| match both {
                 (Some(joint), Some((about, of_arm))) => {
-                    let evidence = about.usual_evidence(&joint.compared.spans, of_arm);
+                    let evidence = about.usual_evidence(&joint.compared, of_arm);
                     evidence.message(evidence.usual())
                 }
                 _ => None,

@@ -27,6 +27,8 @@ const ROWS_LEAST: f64 = 10.0;
 const BEHIND: f64 = 12.0;
 /// Standard deviations of what a law is inexact by.
 const TRUER: f64 = 3.0;
+/// Part of its square that shows in a few waves for it to be one of them: more than half.
+const MOSTLY: f64 = 0.5;
 /// Keeps a matrix from being singular where two columns are alike, relative to a column's square.
 const ALIKE: f64 = 1e-9;
 
@@ -384,14 +386,11 @@ impl Evidence {
     /// Prior of the items' columns, in sums of squares: each is as large as the gap, by one standard deviation, and no larger than is
     /// known of its kind. Two that are much larger and cancel each other are no cause of it.
     fn lift(&self) -> Vec<f64> {
-        let (mut square, mut rows) = (0.0, 0.0);
-        for (of_span, factor) in self.parts.iter().zip(self.relative()) {
-            square += factor * of_span.iter().map(|part| part.square).sum::<f64>();
-            rows += of_span.iter().map(|part| part.rows).sum::<f64>();
-        }
-        let gap = (square / rows.max(1.0)).max(f64::MIN_POSITIVE);
+        let total = self.total();
+        let gap = total.square.max(f64::MIN_POSITIVE);
         let worth = self.row_precision();
-        let mut lift = vec![1.0 / (worth * gap) + ALIKE * rows; self.law_columns];
+        let of_column = |place: usize| total.gram[(place, place)] * (1.0 / (worth * gap) + ALIKE);
+        let mut lift: Vec<f64> = (0..self.law_columns).map(of_column).collect();
         for (deviation, own) in self.deviations.iter().zip(&self.own) {
             if let Some(deviation) = deviation {
                 for place in own.clone() {
@@ -501,9 +500,9 @@ impl Evidence {
         Scored { names, score, left }
     }
 
-    /// Nats by which a set with another item would stay behind if `names` were the truth: what `gone`'s part leaves where `come` takes its
-    /// place and everything else gives way. Laws that differ by less than they are inexact are not apart.
-    pub fn apart(&self, names: Names, gone: usize, come: usize) -> f64 {
+    /// Nats by which a set with another item, or with none, would stay behind if `names` were the truth: what `gone`'s part leaves where
+    /// `come` takes its place and everything else gives way. Laws that differ by less than they are inexact are not apart.
+    pub fn apart(&self, names: Names, gone: usize, come: Option<usize>) -> f64 {
         let whole = &self.whole;
         let all = self.places(names);
         let values = whole.values(&all);
@@ -512,7 +511,8 @@ impl Evidence {
             .iter()
             .filter_map(|place| Some(values[all.iter().position(|other| other == place)?]))
             .collect();
-        let others = self.places(names & !(1 << gone) | 1 << come);
+        let come = come.map_or(0, |come| 1 << come);
+        let others = self.places(names & !(1 << gone) | come);
         // how the part pulls on each column
         let pulled = |place: &usize| {
             let both = own.iter().zip(&part);
@@ -530,18 +530,69 @@ impl Evidence {
             None => 0.0,
         };
         let left = (square - taken).max(0.0);
-        if left < (TRUER * self.inexact).powi(2) * square {
+        if left < self.inexact_part() * square {
             return 0.0;
         }
         0.5 * self.row_precision() * left
     }
 
-    /// Squares of the standard deviations by which the file's values are off beside a set.
+    /// Part of what one item explains of a few waves that another would leave of it there; none if that one shows mostly elsewhere. Waves are
+    /// over the rows of the first signal.
+    pub fn apart_in(
+        &self,
+        waves: &[Vec<f64>],
+        names: Names,
+        gone: usize,
+        come: usize,
+    ) -> Option<f64> {
+        let values = self.whole.values(&self.places(names));
+        let all = self.places(names);
+        let own = self.own[gone].clone();
+        let mut part = vec![0.0; self.spans[0].rows.len()];
+        for (place, value) in all.iter().zip(values.iter()) {
+            if own.contains(place) {
+                let column = &self.columns[*place];
+                part.iter_mut()
+                    .zip(column)
+                    .for_each(|(sum, x)| *sum += value * x);
+            }
+        }
+        let shown = |column: &[f64]| {
+            let of_wave = waves.iter();
+            let of_wave = of_wave.map(|wave| dot(column, wave) / dot(wave, wave).sqrt());
+            DVector::from_iterator(waves.len(), of_wave)
+        };
+        let target = shown(&part);
+        let columns = self.own[come].clone().map(|place| {
+            let column = &self.columns[place][..part.len()];
+            let shown = shown(column);
+            (shown.norm_squared() > MOSTLY * dot(column, column)).then_some(shown)
+        });
+        let columns = columns.collect::<Option<Vec<_>>>()?;
+        let matrix = DMatrix::from_columns(&columns);
+        let solved = matrix.clone().svd(true, true).solve(&target, ALIKE).ok()?;
+        Some((&target - matrix * solved).norm_squared() / target.norm_squared())
+    }
+
+    /// Part of its square by which a law is not true, at most.
+    pub fn inexact_part(&self) -> f64 {
+        (TRUER * self.inexact).powi(2)
+    }
+
+    /// Squares of the standard deviations by which the file's values are off beside a set, and of those that its amplitudes are, where
+    /// something is known of them.
     fn strain(&self, names: Names) -> f64 {
         let places = self.places(names);
-        let rest = self.whole.rest_of(&places, &self.whole.values(&places));
+        let values = self.whole.values(&places);
+        let rest = self.whole.rest_of(&places, &values);
         let tolerated = self.columns.len() - self.law_columns - self.shared_columns;
-        rest.rows(0, tolerated).norm_squared()
+        let of_laws = places.iter().zip(values.iter()).map(|(place, value)| {
+            let deviation = self.own.iter().zip(&self.deviations);
+            let mut own = deviation.filter(|(own, _)| own.contains(place));
+            let deviation = own.next().and_then(|(_, deviation)| *deviation);
+            deviation.map_or(0.0, |of| (value / (self.scale[*place] * of)).powi(2))
+        });
+        rest.rows(0, tolerated).norm_squared() + of_laws.sum::<f64>()
     }
 
     /// Sums of squares that a set leaves out, with the file's values held by what that set leaves: where the best set leaves next to
@@ -595,7 +646,8 @@ impl Evidence {
             .sum()
     }
 
-    /// All sets that `is_possible` that are not far behind the best, the best first. There is always one: no name.
+    /// All sets that `is_possible` that are not far behind the best: first what is told, then the best first. There is always one: no name.
+    /// It is what is told unless the odds against it are those that a name costs.
     pub fn best(&self, is_possible: impl Fn(&Fit) -> bool) -> Vec<Scored> {
         let mut all = self.sets();
         all.sort_by(|a, b| b.score.total_cmp(&a.score));
@@ -609,6 +661,15 @@ impl Evidence {
             if scored.names == 0 || is_possible(&self.fit(scored.names)) {
                 kept.push(scored);
             }
+        }
+        let best = kept[0].score;
+        let weight = |set: &Scored| (set.score - best).exp();
+        let all: f64 = kept.iter().map(weight).sum();
+        let is_probable = |set: &Scored| weight(set) / all > (-NAME_NATS).exp();
+        let none = kept.iter().position(|set| set.names == 0);
+        if let Some(place) = none.filter(|place| is_probable(&kept[*place])) {
+            let none = kept.remove(place);
+            kept.insert(0, none);
         }
         kept
     }
@@ -956,13 +1017,17 @@ mod tests {
         let spans = [span(0..ROWS / 2, 0.01), span(ROWS / 2..ROWS, 0.01)];
         let of = evidence(&gap_nm, &spans, &items, &[]);
         assert_eq!(of.best(|_| true)[0].names, 1);
-        assert!(of.apart(1, 0, 1) > 100.0, "{}", of.apart(1, 0, 1));
+        assert!(
+            of.apart(1, 0, Some(1)) > 100.0,
+            "{}",
+            of.apart(1, 0, Some(1))
+        );
         let blind = [span(0..ROWS / 2, 0.01)];
         let half = |column: &[Vec<f64>; 1]| [column[0][..ROWS / 2].to_vec()];
         let columns = columns.each_ref().map(half);
         let items = [item(0, &columns[0]), item(1, &columns[1])];
         let of = evidence(&gap_nm[..ROWS / 2], &blind, &items, &[]);
-        assert!(of.apart(1, 0, 1) < 1.0, "{}", of.apart(1, 0, 1));
+        assert!(of.apart(1, 0, Some(1)) < 1.0, "{}", of.apart(1, 0, Some(1)));
     }
 
     #[test]

@@ -218,6 +218,8 @@ fn said(
             is_at_floor: None,
             shared: shared.map(Shared::name),
             signals: vec![joint.signal_gap()],
+            // no law of the motion has a state
+            is_one_frequency: false,
             materiality,
         };
         found.said(&others(joints, place))

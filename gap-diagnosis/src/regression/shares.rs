@@ -48,10 +48,21 @@ impl Game {
     /// Shares with intervals.
     pub fn shares(&self) -> Shares {
         let all: [usize; PARTS] = std::array::from_fn(|part| part);
-        let whole = self.with(&all);
+        let Some(whole) = self.with(&all) else {
+            let certain = |value: f64| Interval {
+                value,
+                low: value,
+                high: value,
+            };
+            return Shares {
+                of: vec![certain(0.0); self.players],
+                remaining: certain(1.0),
+                alone: vec![0.0; self.players],
+            };
+        };
         let mut random = Pcg64Mcg::seed_from_u64(SEED);
         let draws: Vec<Vec<f64>> = (0..DRAWS)
-            .map(|_| {
+            .filter_map(|_| {
                 let parts = std::array::from_fn(|_| random.next_u32() as usize % PARTS);
                 self.with(&parts)
             })
@@ -59,7 +70,11 @@ impl Game {
         let interval = |place: usize| {
             let mut values: Vec<f64> = draws.iter().map(|draw| draw[place]).collect();
             values.sort_by(f64::total_cmp);
-            let at = |end: f64| values[((values.len() - 1) as f64 * end).round() as usize];
+            let last = values.len().saturating_sub(1) as f64;
+            let at = |end: f64| {
+                let value = values.get((last * end).round() as usize);
+                value.copied().unwrap_or(whole[place])
+            };
             Interval {
                 value: whole[place],
                 low: at(ENDS[0]).min(whole[place]),
@@ -68,7 +83,7 @@ impl Game {
         };
         let remaining = interval(self.players);
         let alone = (0..self.players).map(|player| {
-            let gap = (self.sum(0, &all) - self.noise).max(f64::MIN_POSITIVE);
+            let gap = self.sum(0, &all) - self.noise;
             (self.sum(0, &all) - self.sum(1 << player, &all)) / gap
         });
         Shares {
@@ -82,9 +97,12 @@ impl Game {
         parts.iter().map(|part| self.left[players][*part]).sum()
     }
 
-    /// Each player's share, then what remains.
-    fn with(&self, parts: &[usize; PARTS]) -> Vec<f64> {
-        let gap = (self.sum(0, parts) - self.noise).max(f64::MIN_POSITIVE);
+    /// Each player's share, then what remains; none of a gap that is within the noise.
+    fn with(&self, parts: &[usize; PARTS]) -> Option<Vec<f64>> {
+        let gap = self.sum(0, parts) - self.noise;
+        if gap <= 0.0 {
+            return None;
+        }
         let everyone = (1 << self.players) - 1;
         let mut all: Vec<f64> = (0..self.players)
             .map(|player| {
@@ -97,7 +115,7 @@ impl Game {
             })
             .collect();
         all.push((self.sum(everyone, parts) - self.noise) / gap);
-        all
+        Some(all)
     }
 }
 
@@ -110,6 +128,19 @@ fn weight(before: usize, players: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn of_a_gap_within_the_noise_nobody_has_a_share() {
+        let game = Game {
+            left: vec![[1.0; PARTS], [0.5; PARTS]],
+            players: 1,
+            noise: 10.0 * PARTS as f64,
+        };
+        let shares = game.shares();
+        assert_eq!(shares.of[0], Interval::default());
+        assert_eq!(shares.remaining.value, 1.0);
+        assert_eq!(shares.alone, [0.0]);
+    }
 
     #[test]
     fn shares_and_rest_add_up_and_halves_are_halves() {

@@ -81,6 +81,8 @@ pub struct Found<'a> {
     pub shared: Option<&'static str>,
     /// The gap of each compared signal.
     pub signals: Vec<SignalGap>,
+    /// Whether the joint swings at one frequency, at which a law with a state is two numbers.
+    pub is_one_frequency: bool,
     /// Share below which an effect is minor.
     pub materiality: f64,
 }
@@ -188,8 +190,7 @@ impl Found<'_> {
         let gap = self.gap(&best, &shares, &gap_nm);
         let has_names = !effects.is_empty() || shared.is_some_and(|s| s.value >= self.materiality);
         let confusable = self.confusable(&best);
-        let leads = candidates.first().map_or(0.0, |first| first.probability);
-        let is_sure = leads >= 0.5;
+        let is_sure = is_sure(&candidates, &confusable);
         let torque_nm = &self.rows.measured_nm;
         let torque = torque_nm.iter().map(|x| x * x).sum::<f64>() / rows;
         let leaves_structure = self.leaves_a_law && left + noise > LINEAR.powi(2) * torque;
@@ -201,7 +202,7 @@ impl Found<'_> {
             } else {
                 Verdict::Unexplained
             }
-        } else if !is_sure && !confusable.is_empty() {
+        } else if !is_sure {
             Verdict::Ambiguous
         } else if at_floor || taken >= EXPLAINED && !leaves_structure {
             Verdict::Explained
@@ -237,7 +238,8 @@ impl Found<'_> {
 
     /// Probability of each set, by its score.
     fn weights(&self) -> Vec<f64> {
-        let best = self.sets[0].score;
+        let scores = self.sets.iter().map(|set| set.score);
+        let best = scores.fold(f64::NEG_INFINITY, f64::max);
         let odds = |set: &Scored| ((set.score - best) / TEMPERATURE).exp();
         let sum: f64 = self.sets.iter().map(odds).sum();
         self.sets.iter().map(|set| odds(set) / sum).collect()
@@ -320,11 +322,9 @@ impl Found<'_> {
     /// Names that could stand for one another: sets within a few nats that differ in one name.
     fn confusable(&self, best: &Scored) -> Vec<Confusable> {
         let mut pairs: Vec<Confusable> = Vec::new();
-        for set in self.sets.iter().skip(1) {
-            let behind = best.score - set.score;
-            if behind > NEAR {
-                break;
-            }
+        let near = |set: &&Scored| best.score - set.score <= NEAR;
+        for set in self.sets.iter().skip(1).take_while(near) {
+            let behind = (best.score - set.score).max(0.0);
             let (gone, come) = (best.names & !set.names, set.names & !best.names);
             if gone.count_ones() != 1 || come.count_ones() != 1 {
                 continue;
@@ -345,12 +345,16 @@ impl Found<'_> {
                 });
             }
         }
+        if self.is_one_frequency {
+            self.alike_at_one_frequency(best, &mut pairs);
+        }
         for gone in self.players(best) {
-            // what takes its place may itself be one of several
+            // what takes its place may itself be one of several, if it is as probable
             let mut truth = vec![(best.names, gone)];
-            truth.extend(self.in_place_of(best.names, gone).map(|(come, _)| {
+            truth.extend(self.in_place_of(best.names, gone).filter_map(|(come, _)| {
                 let names = best.names & !(1 << gone) | 1 << come;
-                (names, come)
+                let score = self.evidence.scored(names).score;
+                (best.score - score <= NEAR).then_some((names, come))
             }));
             for (names, own) in truth {
                 for (come, apart) in self.in_place_of(names, own) {
@@ -376,13 +380,49 @@ impl Found<'_> {
         pairs
     }
 
-    /// Items that would take one's place in a set, with the nats by which they would be behind if it were the truth.
+    /// Driven at one frequency, what is linear shows there as two numbers: in step with the position, and with the velocity. All else is how
+    /// friction turns round and what it sets swinging, by which nothing should be told from anything.
+    fn alike_at_one_frequency(&self, best: &Scored, pairs: &mut Vec<Confusable>) {
+        let position_rad = &self.rows.position_rad;
+        let mean = position_rad.iter().sum::<f64>() / position_rad.len().max(1) as f64;
+        let waves = [
+            position_rad.iter().map(|q| q - mean).collect::<Vec<f64>>(),
+            self.rows.velocity_rad_s.clone(),
+        ];
+        let limit = self.evidence.inexact_part();
+        for gone in self.players(best) {
+            for come in 0..self.called.items() {
+                if self.called.kind(come) == self.called.kind(gone) {
+                    continue;
+                }
+                let left = self.evidence.apart_in(&waves, best.names, gone, come);
+                let pair = [
+                    self.name_in(best.names, gone),
+                    self.called.effect(come, &[]).name(),
+                ];
+                let is_known = pairs.iter().any(|known| known.effects == pair);
+                if left.is_some_and(|left| left < limit) && pair[0] != pair[1] && !is_known {
+                    pairs.push(Confusable {
+                        effects: pair.map(str::to_owned),
+                        distance: 0.0,
+                        reason:
+                            "one frequency only: there both are one torque in step with the motion"
+                                .to_owned(),
+                    });
+                }
+            }
+        }
+    }
+
+    /// Items that would take one's place in a set, with the nats by which they would be behind if it were the truth. What could be left
+    /// out without being missed has no place to take.
     fn in_place_of(&self, names: Names, gone: usize) -> impl Iterator<Item = (usize, f64)> {
+        let is_missed = self.evidence.apart(names, gone, None) > ALIKE;
         let held = (0..self.called.items()).filter(move |item| names & 1 << item != 0);
         let kinds: Vec<usize> = held.map(|item| self.called.kind(item)).collect();
         (0..self.called.items())
-            .filter(move |come| !kinds.contains(&self.called.kind(*come)))
-            .map(move |come| (come, self.evidence.apart(names, gone, come)))
+            .filter(move |come| is_missed && !kinds.contains(&self.called.kind(*come)))
+            .map(move |come| (come, self.evidence.apart(names, gone, Some(come))))
             .filter(|(_, apart)| *apart <= ALIKE)
     }
 
@@ -446,6 +486,21 @@ impl Found<'_> {
         let index = best.names.trailing_zeros() as usize;
         Some(Stage::of(self.name_in(best.names, index)))
     }
+}
+
+/// Whether the first candidate is told from all others that could stand for it, by the odds that a name costs.
+fn is_sure(candidates: &[Candidate], confusable: &[Confusable]) -> bool {
+    let Some((first, others)) = candidates.split_first() else {
+        return true;
+    };
+    let is_alike = |other: &Candidate| {
+        confusable.iter().any(|pair| {
+            let has = |name: &String| pair.effects.contains(name);
+            has(&first.effect) && has(&other.effect)
+        })
+    };
+    let odds = |other: &Candidate| other.probability > first.probability * (-NEAR).exp();
+    !others.iter().any(|other| is_alike(other) && odds(other))
 }
 
 fn regimes_of_motor(found: &Found<'_>, gap_nm: &[f64]) -> Vec<Regime> {
