@@ -111,6 +111,8 @@ pub struct Evidence {
     shared_columns: usize,
     /// Of the residual that decides, span by span.
     settled: Vec<Settled>,
+    /// Prior of the items' columns.
+    lift: Vec<f64>,
     reduced: Vec<Reduced>,
     whole: Reduced,
 }
@@ -257,6 +259,7 @@ impl Evidence {
             inexact: problem.inexact,
             shared,
             shared_columns,
+            lift: Vec::new(),
             reduced: Vec::new(),
             whole: Reduced::empty(),
         }
@@ -369,8 +372,9 @@ impl Evidence {
         let total = self.total();
         let relative = self.relative();
         let prior = self.prior();
-        let lift = self.lift();
-        self.whole = Reduced::of(&total, &[], &prior, &lift);
+        self.lift = self.lift();
+        let lift = &self.lift;
+        self.whole = Reduced::of(&total, &[], &prior, lift);
         self.reduced = (0..PARTS)
             .map(|part| {
                 let mut train = total.clone();
@@ -378,7 +382,7 @@ impl Evidence {
                     train.add(&of_span[part], -factor);
                 }
                 let tests: Vec<&Sums> = self.parts.iter().map(|of_span| &of_span[part]).collect();
-                Reduced::of(&train, &tests, &prior, &lift)
+                Reduced::of(&train, &tests, &prior, lift)
             })
             .collect();
     }
@@ -579,20 +583,17 @@ impl Evidence {
         (TRUER * self.inexact).powi(2)
     }
 
-    /// Squares of the standard deviations by which the file's values are off beside a set, and of those that its amplitudes are, where
-    /// something is known of them.
+    /// Squares of the standard deviations by which the file's values are off beside a set, and of those that its amplitudes are: two that
+    /// cancel each other are large.
     fn strain(&self, names: Names) -> f64 {
         let places = self.places(names);
         let values = self.whole.values(&places);
         let rest = self.whole.rest_of(&places, &values);
         let tolerated = self.columns.len() - self.law_columns - self.shared_columns;
-        let of_laws = places.iter().zip(values.iter()).map(|(place, value)| {
-            let deviation = self.own.iter().zip(&self.deviations);
-            let mut own = deviation.filter(|(own, _)| own.contains(place));
-            let deviation = own.next().and_then(|(_, deviation)| *deviation);
-            deviation.map_or(0.0, |of| (value / (self.scale[*place] * of)).powi(2))
-        });
-        rest.rows(0, tolerated).norm_squared() + of_laws.sum::<f64>()
+        let own = places.iter().zip(values.iter());
+        let of_laws = own.map(|(place, value)| self.lift[*place] * value.powi(2));
+        let of_laws = self.row_precision() * of_laws.sum::<f64>();
+        rest.rows(0, tolerated).norm_squared() + of_laws
     }
 
     /// Sums of squares that a set leaves out, with the file's values held by what that set leaves: where the best set leaves next to
@@ -735,7 +736,7 @@ impl Evidence {
         };
         let of_shared: Vec<usize> = (from..count).collect();
         let mut beside = pick(&others, &others);
-        let lift = self.lift();
+        let lift = &self.lift;
         for i in 0..others.len() {
             let place = others[i];
             beside[(i, i)] += if place < self.law_columns {
