@@ -12,6 +12,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod apply;
 mod bodies;
 mod build;
 mod check;
@@ -34,8 +35,10 @@ mod robot;
 mod table;
 mod tolerance;
 mod urdf;
+mod write;
 mod xml;
 
+pub use apply::{Outcome, Simulator, SimulatorFile};
 pub use bodies::changed_chain;
 pub use control::{Control, ControlKind, Feedback, Feedforward};
 pub use effect::{Effect, EncoderSide};
@@ -53,3 +56,4 @@ pub use table::{
     TorqueTable,
 };
 pub use tolerance::{DEFAULT_TOLERANCE, Tolerance};
+pub use write::Written;

@@ -96,10 +96,20 @@ fn share(text: &str) -> Result<f64, String> {
 Examples:
   flexspline gap apply --report gap/report.json --robot arm.toml --out mended.toml
   flexspline gap apply --report gap/report.json --robot arm.toml --out mended.toml --remaining
+  flexspline gap apply --report gap/report.json --robot arm.xml --format mjcf --out mended.xml
+  flexspline gap apply --report gap/report.json --robot arm.urdf --format urdf --out mended.urdf
+  flexspline gap apply --report gap/report.json --robot arm.toml --format isaaclab --out actuators.py
 
 Everything else in the file stays as it was written, comments included. A change of a value that the file has is added to
 that value; what was changed is printed. Feedforward, emulator and diagnosis take the new file.
-Exit code: 0 done, 1 the report names no effect, 2 bad input.")]
+
+With another --format the effects are written where that simulator reads them:
+  mjcf      joints' damping, frictionloss, armature and spring; actuators' gains, limits and delay; bodies for a payload
+  urdf      <dynamics> damping and friction, <limit effort>; links for a payload
+  isaaclab  Python text for ArticulationCfg.actuators: gains, armature, friction, effort limits, delay
+The MuJoCo model or URDF that --robot is, or that its robot file names, is taken as it stands; another robot is converted.
+What the format cannot say is told, with the share of the gap that it is.
+Exit code: 0 done, 1 the report names no effect, or none that the format can say; 2 bad input.")]
 pub struct GapApplyArguments {
     /// Report of `gap diagnose`
     #[arg(long, value_name = "FILE")]
@@ -107,15 +117,31 @@ pub struct GapApplyArguments {
     /// Robot that was diagnosed: pa10, shd17, or a robot file
     #[arg(long, value_name = "NAME|FILE")]
     pub robot: String,
-    /// Robot file to write
+    /// File to write
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
+    /// What to write it for
+    #[arg(long, value_name = "NAME", default_value = "toml")]
+    pub format: ApplyFormat,
     /// Write what has no name too, as a torque table over the variable that holds most of it; what no table holds is told
     #[arg(long)]
     pub remaining: bool,
     /// Where to write the changes as JSON; - for standard output
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
+}
+
+/// Whose file is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ApplyFormat {
+    /// Robot file
+    Toml,
+    /// MuJoCo model
+    Mjcf,
+    /// URDF
+    Urdf,
+    /// Actuator configuration of Isaac Lab, as Python text
+    Isaaclab,
 }
 
 /// `flexspline gap repeats`

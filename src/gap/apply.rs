@@ -1,6 +1,7 @@
 //! `flexspline gap apply`: a robot file with the diagnosed effects in it, everything else as it was written.
 
 mod remaining;
+mod simulator;
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -8,11 +9,11 @@ use std::fs;
 use std::path::Path;
 
 use gap_diagnosis::report::{NamedEffect, Report};
-use robot::{Effect, RobotFile, Source};
+use robot::{Effect, RobotFile, Simulator, Source};
 use serde::Serialize;
 use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
-use crate::cli::GapApplyArguments;
+use crate::cli::{ApplyFormat, GapApplyArguments};
 use crate::error::CliError;
 use crate::output::{print, write_json, write_text};
 
@@ -46,17 +47,18 @@ struct Applied<'a> {
 /// [`CliError::Input`] for bad input, [`CliError::Negative`] if the report names no effect.
 pub fn apply(arguments: &GapApplyArguments) -> Result<(), CliError> {
     let report = read_report(&arguments.report)?;
+    let simulator = match arguments.format {
+        ApplyFormat::Toml => None,
+        ApplyFormat::Mjcf => Some(Simulator::Mjcf),
+        ApplyFormat::Urdf => Some(Simulator::Urdf),
+        ApplyFormat::Isaaclab => Some(Simulator::IsaacLab),
+    };
+    if let Some(simulator) = simulator {
+        return simulator::apply(arguments, &report, simulator);
+    }
     let (text, source) = robot::load_text(&arguments.robot).map_err(CliError::input)?;
     let file = RobotFile::parse(&text, &arguments.robot).map_err(CliError::input)?;
-    if file.name != report.robot {
-        return Err(CliError::Input(format!(
-            "{}: is about robot `{}`, --robot {} is `{}`; give the robot file that was diagnosed",
-            arguments.report.display(),
-            report.robot,
-            arguments.robot,
-            file.name
-        )));
-    }
+    check_name(arguments, &report, &file.name)?;
     let refuse =
         |reason: String| CliError::Input(format!("{}: {reason}", arguments.report.display()));
     let (mut text, mut changes) = with_effects(&text, &report).map_err(refuse)?;
@@ -68,15 +70,32 @@ pub fn apply(arguments: &GapApplyArguments) -> Result<(), CliError> {
         left_out = rest.left_out;
     }
     if changes.is_empty() {
-        return Err(CliError::Negative(format!(
-            "{}: names no effect, so there is nothing to add",
-            arguments.report.display()
-        )));
+        return Err(names_nothing(arguments));
     }
     let text = with_description(text, &source, &arguments.out)?;
     check(&text, &arguments.out)?;
     write_text(&arguments.out, &text)?;
     tell(arguments, &changes, &left_out)
+}
+
+fn names_nothing(arguments: &GapApplyArguments) -> CliError {
+    CliError::Negative(format!(
+        "{}: names no effect, so there is nothing to add",
+        arguments.report.display()
+    ))
+}
+
+/// Whether the report is about this robot.
+fn check_name(arguments: &GapApplyArguments, report: &Report, name: &str) -> Result<(), CliError> {
+    if name == report.robot {
+        return Ok(());
+    }
+    Err(CliError::Input(format!(
+        "{}: is about robot `{}`, --robot {} is `{name}`; give the robot file that was diagnosed",
+        arguments.report.display(),
+        report.robot,
+        arguments.robot,
+    )))
 }
 
 /// Reads a report that somebody else may have written.
