@@ -90,7 +90,7 @@ impl RobotFile {
     }
 
     /// The rigid bodies and what else their description says.
-    fn model(&self, file: &str, source: &Source) -> Result<Model, RobotError> {
+    pub(crate) fn model(&self, file: &str, source: &Source) -> Result<Model, RobotError> {
         let top = Place::new(file, "top level");
         let named = [
             (Description::Urdf, &self.urdf),

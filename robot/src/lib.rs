@@ -32,6 +32,8 @@ mod parse;
 pub mod published;
 mod push;
 mod robot;
+mod starter;
+mod survey;
 mod table;
 mod tolerance;
 mod urdf;
@@ -51,6 +53,8 @@ pub use parse::parse as parse_toml;
 pub use published::published;
 pub use push::{Push, load_pushes};
 pub use robot::{Robot, Source, load, load_file, load_text, shipped};
+pub use starter::starter;
+pub use survey::{Survey, survey};
 pub use table::{
     DirectionalFriction, FrictionTable, LoadTorqueRow, LoadTorqueTable, StribeckRow, TableOver,
     TorqueTable,

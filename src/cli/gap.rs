@@ -33,7 +33,10 @@ pub enum GapCommand {
 Examples:
   flexspline gap diagnose --robot arm.toml --recording run.mcap --out gap
   flexspline gap diagnose --robot arm.toml --recording first.mcap second.csv --json report.json
+  flexspline gap diagnose --robot arm.xml --recording robot.csv --simulated mujoco.csv --out gap
 
+With --simulated both are held against the same file. The report then has one key more, `beside_simulator`, and DIR/simulated.json
+is the simulator's own report.
 Exit code: 0 done, whatever was found; 2 bad input.")]
 pub struct GapDiagnoseArguments {
     /// The simulation: pa10, shd17, or a robot file
@@ -42,6 +45,9 @@ pub struct GapDiagnoseArguments {
     /// The robot: recording, bag of ROS, LeRobot dataset, or CSV, Parquet, .npz, .mat or HDF5 log; may be given again
     #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
     pub recording: Vec<PathBuf>,
+    /// Recordings of your own simulator on the same references: what the robot has and the simulator has not is told
+    #[arg(long, num_args = 1.., value_name = "FILE")]
+    pub simulated: Vec<PathBuf>,
     /// Which column is which signal, for all recordings; NAME.mapping.toml beside each if not given, else
     /// guessed where that is certain
     #[arg(long, value_name = "FILE")]

@@ -201,7 +201,8 @@ pub fn with_effects(text: &str, report: &Report) -> Result<(String, Vec<Change>)
         }
     }
     for joint in &report.joints {
-        for found in &joint.effects {
+        // all were fitted together: without the small ones the large ones are wrong
+        for found in joint.named() {
             let effect = to_effect(found)?;
             changes.push(add_to_joint(&mut document, &joint.joint, &effect)?);
         }
@@ -399,4 +400,4 @@ fn push_table(tables: &mut ArrayOfTables, entry: Table) {
 }
 
 #[cfg(test)]
-mod tests;
+pub mod tests;

@@ -37,8 +37,8 @@ struct JointShares {
     written: f64,
     written_in_part: f64,
     cannot_say: f64,
-    /// Effects too small to be written, and what has no name.
-    not_named: f64,
+    /// What has no name.
+    no_name: f64,
 }
 
 /// For programs.
@@ -160,7 +160,8 @@ fn add_all(
         }
     }
     for joint in &report.joints {
-        for found in &joint.effects {
+        // all were fitted together: without the small ones the large ones are wrong
+        for found in joint.named() {
             add(Some(&joint.joint), &to_effect(found)?, found.share);
         }
     }
@@ -173,14 +174,9 @@ fn shares(report: &Report, effects: &[Said]) -> Vec<JointShares> {
     for joint in &report.joints {
         let mut shares = JointShares {
             joint: joint.joint.clone(),
-            not_named: joint.remaining_share,
+            no_name: joint.remaining_share,
             ..JointShares::default()
         };
-        shares.not_named += joint
-            .minor_effects
-            .iter()
-            .map(|minor| minor.share)
-            .sum::<f64>();
         for said in effects {
             let share = match &said.joint {
                 Some(own) if *own == joint.joint => said.share,
@@ -196,7 +192,7 @@ fn shares(report: &Report, effects: &[Said]) -> Vec<JointShares> {
         let is_told = shares.written != 0.0
             || shares.written_in_part != 0.0
             || shares.cannot_say != 0.0
-            || shares.not_named != 0.0;
+            || shares.no_name != 0.0;
         if is_told {
             all.push(shares);
         }
@@ -247,7 +243,7 @@ fn told(
         let others = [
             (shares.written_in_part, "in part".to_owned()),
             (shares.cannot_say, format!("cannot be said in {format}")),
-            (shares.not_named, "is too small or has no name".to_owned()),
+            (shares.no_name, "has no name".to_owned()),
         ];
         let others = others
             .into_iter()
