@@ -107,7 +107,7 @@ mass_kg = 0.0
 centre_of_mass_m = [0.0, 0.0, 0.0]
 inertia_kg_m2 = { xx = 0.0, yy = 0.0, zz = 0.0 }
 [[link]]
-joint = "d"
+joint = "d&<d"
 axis = [0.0, 1.0, 0.0]
 origin_m = [0.2, 0.0, 0.0]
 mass_kg = 0.5
@@ -125,7 +125,7 @@ name = "b"
 [[joint]]
 name = "c"
 [[joint]]
-name = "d"
+name = "d&<d"
 velocity_limit_rad_s = 3.0
 effects = [{ effect = "joint_spring", stiffness_nm_rad = 4.0, rest_rad = 0.3 }, { effect = "viscous_friction", viscous_nm_s_rad = 0.4 }]
 "#;
@@ -199,5 +199,5 @@ fn what_a_format_cannot_hold_is_listed() {
     let folder = tempfile::tempdir().unwrap();
     let tree = tree(folder.path()).to_urdf().left_out.join("\n");
     assert!(tree.contains("gravity 0.3 0 -9.8"), "{tree}");
-    assert!(tree.contains("d: URDF has no joint_spring"), "{tree}");
+    assert!(tree.contains("d&<d: URDF has no joint_spring"), "{tree}");
 }

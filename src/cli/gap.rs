@@ -35,8 +35,8 @@ Examples:
   flexspline gap diagnose --robot arm.toml --recording first.mcap second.csv --json report.json
   flexspline gap diagnose --robot arm.xml --recording robot.csv --simulated mujoco.csv --out gap
 
-With --simulated both are held against the same file. The report then has one key more, `beside_simulator`, and DIR/simulated.json
-is the simulator's own report.
+With --simulated both are held against the same file. The report then has one key more,
+`beside_simulator`, and DIR/simulated.json is the simulator's own report.
 Exit code: 0 done, whatever was found; 2 bad input.")]
 pub struct GapDiagnoseArguments {
     /// The simulation: pa10, shd17, or a robot file
@@ -104,17 +104,19 @@ Examples:
   flexspline gap apply --report gap/report.json --robot arm.toml --out mended.toml --remaining
   flexspline gap apply --report gap/report.json --robot arm.xml --format mjcf --out mended.xml
   flexspline gap apply --report gap/report.json --robot arm.urdf --format urdf --out mended.urdf
-  flexspline gap apply --report gap/report.json --robot arm.toml --format isaaclab --out actuators.py
+  flexspline gap apply --report gap/report.json --robot arm.toml --format isaaclab --out arm.py
 
-Everything else in the file stays as it was written, comments included. A change of a value that the file has is added to
-that value; what was changed is printed. Feedforward, emulator and diagnosis take the new file.
+Everything else in the file stays as it was written, comments included. A change of a value that
+the file has is added to that value; what was changed is printed. Feedforward, emulator and
+diagnosis take the new file.
 
 With another --format the effects are written where that simulator reads them:
-  mjcf      joints' damping, frictionloss, armature and spring; actuators' gains, limits and delay; bodies for a payload
-  urdf      <dynamics> damping and friction, <limit effort>; links for a payload
-  isaaclab  Python text for ArticulationCfg.actuators: gains, armature, friction, effort limits, delay
-The MuJoCo model or URDF that --robot is, or that its robot file names, is taken as it stands; another robot is converted.
-What the format cannot say is told, with the share of the gap that it is.
+  mjcf      joints' damping, frictionloss, armature and spring, actuators' gains, limits and
+            delay, bodies for a payload
+  urdf      <dynamics> damping and friction, <limit effort>, links for a payload
+  isaaclab  Python text for ArticulationCfg.actuators: gains, armature, friction, limits, delay
+The MuJoCo model or URDF that --robot is, or that its robot file names, is taken as it stands;
+another robot is converted. What the format cannot say is told, with the share of the gap it is.
 Exit code: 0 done, 1 the report names no effect, or none that the format can say; 2 bad input.")]
 pub struct GapApplyArguments {
     /// Report of `gap diagnose`

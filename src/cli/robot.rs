@@ -23,8 +23,8 @@ Examples:
   flexspline robot init scene.xml --out arm.toml
   flexspline robot init --out bench.toml              a single joint of [[link]] and [[joint]] tables
 
-The file loads as it stands and says what the description does. What the description cannot say (gear, rotor, encoders,
-controller) stands in it as comments with their units.
+The file loads as it stands and says what the description does. What the description cannot say
+(gear, rotor, encoders, controller) stands in it as comments with their units.
 Exit code: 0 written, 2 bad input, or the file is there already.")]
 pub struct RobotInitArguments {
     /// URDF or MuJoCo model; a single joint if not given
@@ -42,8 +42,9 @@ Examples:
   flexspline robot check arm.urdf
   flexspline robot check arm.toml --json check.json
 
-Doubtful are masses of zero, inertias that no body has, joints that nothing turns, and everything that was not read; with file,
-line and element. Unknown is what no file says, with what is taken instead.
+Doubtful are masses of zero, inertias that no body has, joints that nothing turns, and everything
+that was not read; with file, line and element. Unknown is what no file says, with what is taken
+instead.
 Exit code: 0 nothing is doubtful, 1 something is, 2 bad input.")]
 pub struct RobotCheckArguments {
     /// Robot: pa10, shd17, a robot file, a URDF or a MuJoCo model
@@ -62,8 +63,8 @@ Examples:
   flexspline robot convert arm.xml --out arm.urdf       MuJoCo to URDF
   flexspline robot convert arm.urdf --out arm.toml      a robot file that needs no other file
 
-What moves keeps its dynamics; fixed joints become one body, and shapes and meshes are left out. What else the format cannot hold
-is listed.
+What moves keeps its dynamics; fixed joints become one body, and shapes and meshes are left out.
+What else the format cannot hold is listed.
 Exit code: 0 written, 2 bad input.")]
 pub struct RobotConvertArguments {
     /// Robot: pa10, shd17, a robot file, a URDF or a MuJoCo model

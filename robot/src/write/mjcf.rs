@@ -92,7 +92,7 @@ impl Robot {
     /// What MuJoCo has of the controller: of the proportional-derivative law with its damping on the velocity itself.
     fn actuator(&self, index: usize) -> Option<String> {
         let control = self.control.as_ref()?;
-        let name = &self.joints[index].name;
+        let name = in_attribute(&self.joints[index].name);
         let start = |tag: &str| format!("<{tag} name=\"{name}\" joint=\"{name}\"");
         let gains = [
             control.proportional_nm_rad[index],
@@ -142,7 +142,7 @@ fn joint(joint: &RobotJoint, link: &Link) -> String {
     };
     let mut text = format!(
         "<joint name=\"{}\" type=\"{kind}\" axis=\"{}\"",
-        joint.name,
+        in_attribute(&joint.name),
         vector(&link.axis)
     );
     let mut attribute = |key: &str, value: &str| {

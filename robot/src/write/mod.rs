@@ -17,7 +17,7 @@ pub struct Written {
     pub left_out: Vec<String>,
 }
 
-/// A name that fits into an attribute of XML: names of joints have no quotes, those of robots may have anything.
+/// A name that fits into an attribute of XML.
 fn in_attribute(name: &str) -> String {
     name.replace('&', "&amp;")
         .replace('<', "&lt;")
@@ -168,7 +168,7 @@ fn loaded(robot: &Robot) -> joint_model::rigid_body::Chain {
 
 /// Names of links: a link is called after its joint.
 fn link_name(robot: &Robot, index: Option<usize>) -> String {
-    let named = |index: usize| format!("{}_link", robot.joints[index].name);
+    let named = |index: usize| format!("{}_link", in_attribute(&robot.joints[index].name));
     index.map_or_else(|| "base".to_owned(), named)
 }
 

@@ -30,7 +30,7 @@ impl Robot {
             text += &joint_element(&self.joints[index], link, &parent, &own);
         }
         for joint in self.joints.iter().filter(|joint| joint.gear_ratio != 1.0) {
-            let name = &joint.name;
+            let name = in_attribute(&joint.name);
             let _ = writeln!(
                 text,
                 "  <transmission name=\"{name}_transmission\">\n    \
@@ -100,7 +100,7 @@ fn joint_element(joint: &RobotJoint, link: &Link, parent: &str, child: &str) -> 
     let mut text = format!(
         "  <joint name=\"{}\" type=\"{kind}\">\n    <parent link=\"{parent}\"/>\n    \
          <child link=\"{child}\"/>\n    <origin xyz=\"{}\" rpy=\"{}\"/>\n    <axis xyz=\"{}\"/>\n",
-        joint.name,
+        in_attribute(&joint.name),
         vector(&link.origin.translation.vector),
         numbers(&roll_pitch_yaw(&link.origin.rotation)),
         vector(&link.axis)
