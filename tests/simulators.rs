@@ -257,7 +257,7 @@ fn a_starter_file_is_the_robot_that_the_description_is() {
 fn a_check_tells_what_is_known_unknown_and_doubtful() {
     let bench = bench("check");
     let told = works(&bench, "robot check arm.urdf --json check.json");
-    assert!(told.contains("known\n  1 joints, 2.000 kg"), "{told}");
+    assert!(told.contains("known\n  1 joint, 2.000 kg"), "{told}");
     assert!(told.contains("shoulder: gear ratio (taken as 1)"), "{told}");
     assert_eq!(
         json(&bench, "check.json")["doubtful"],

@@ -208,9 +208,10 @@ fn known_of_joint(joint: &RobotJoint) -> Vec<String> {
 
 fn known_of(robot: &Robot) -> Vec<String> {
     let mass_kg: f64 = robot.chain.links().iter().map(|link| link.mass_kg).sum();
+    let count = robot.joints.len();
     let mut known = vec![format!(
-        "{} joints, {:.3} kg that move, gravity {:.2} m/s²",
-        robot.joints.len(),
+        "{count} joint{}, {:.3} kg that move, gravity {:.2} m/s²",
+        if count == 1 { "" } else { "s" },
         mass_kg,
         robot.chain.gravity_m_s2().norm()
     )];

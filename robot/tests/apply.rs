@@ -436,3 +436,12 @@ fn isaac_lab_gets_python_with_gains_and_friction() {
         assert!(text.contains(line), "{line}\n{text}");
     }
 }
+
+#[test]
+fn names_are_regular_expressions_for_isaac_lab() {
+    let files = Files::with("arm.urdf", &URDF.replace("\"shoulder\"", "\"j(1)\""));
+    let effects = [(Some(0), Effect::CoulombFriction { coulomb_nm: 3.0 })];
+    let (text, ..) = files.apply("arm.urdf", Simulator::IsaacLab, "arm.py", &effects);
+    assert!(text.contains(r#"joint_names_expr=["j\\(1\\)"]"#), "{text}");
+    assert!(text.contains(r#""j\\(1\\)": 3.0"#), "{text}");
+}

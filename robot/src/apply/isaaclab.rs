@@ -43,13 +43,23 @@ impl IsaacLabFile {
             .collect();
         let mut text = format!("        {key}={{\n");
         for (index, value) in &values {
-            let name = self.names[*index]
-                .replace('\\', "\\\\")
-                .replace('"', "\\\"");
-            let _ = writeln!(text, "            \"{name}\": {},", python(*value));
+            let name = pattern(&self.names[*index]);
+            let _ = writeln!(text, "            {name}: {},", python(*value));
         }
         (!values.is_empty()).then(|| text + "        },\n")
     }
+}
+
+/// A name as Isaac Lab takes it: a regular expression, in Python's quotes.
+fn pattern(name: &str) -> String {
+    let mut text = String::new();
+    for c in name.chars() {
+        if "\\+*?()[]{}^$|.".contains(c) {
+            text.push('\\');
+        }
+        text.push(c);
+    }
+    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
 /// Python reads `3` as an integer, which a field of floats may not be.
@@ -149,11 +159,7 @@ impl Takes for IsaacLabFile {
                 short(self.delay_s)
             );
         }
-        let names: Vec<String> = self
-            .names
-            .iter()
-            .map(|name| format!("\"{name}\""))
-            .collect();
+        let names: Vec<String> = self.names.iter().map(|name| pattern(name)).collect();
         let _ = write!(
             text,
             "ACTUATORS = {{\n    \"{}\": {class}(\n        joint_names_expr=[{}],\n",

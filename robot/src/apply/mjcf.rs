@@ -297,8 +297,8 @@ impl MjcfFile {
             Err(error) => return Outcome::Cannot(error.to_string()),
         };
         let root = document.root_element();
-        let options = root.children().filter(|node| node.has_tag_name("option"));
-        match options.last() {
+        let mut options = root.children().filter(|node| node.has_tag_name("option"));
+        match options.next_back() {
             Some(option) => {
                 let at = option.range().start;
                 self.changes.set(at, "gravity", gravity.clone());
