@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use joint_model::rigid_body::{Chain, JointKind, Link};
+use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use super::{
     Symmetric, Written, coulomb_nm, in_attribute, left_out_of_joints, left_out_of_robot, link_name,
@@ -45,6 +46,7 @@ impl Robot {
         }
         text += "</mujoco>\n";
         let mut left_out = left_out_of_robot(self, "MJCF");
+        left_out.extend(refused(self, chain.links()));
         left_out.extend(left_out_of_joints(self, "MJCF", |joint| {
             let mut parts = unsaid(joint, is_said);
             if joint.gear_ratio != 1.0 {
@@ -62,29 +64,42 @@ impl Robot {
         Written { text, left_out }
     }
 
-    fn body(&self, chain: &Chain, index: usize, depth: usize, text: &mut String) {
-        let link = &chain.links()[index];
+    /// A link and what hangs on it. MuJoCo wants mass in every body that moves: links without any share one with the link that
+    /// follows them, which then has several joints.
+    fn body(&self, chain: &Chain, first: usize, depth: usize, text: &mut String) {
+        let links = chain.links();
+        let mut run = vec![first];
+        let mut index = first;
+        while let [only] = below(links, index)[..]
+            && weighs_nothing(&links[index])
+        {
+            run.push(only);
+            index = only;
+        }
+        let pose = |run: &[usize]| {
+            let origins = run.iter().map(|link| links[*link].origin);
+            origins.fold(Isometry3::identity(), |pose, origin| pose * origin)
+        };
+        let origin = pose(&run);
         let indent = "  ".repeat(depth);
+        let turn = origin.rotation;
         let _ = writeln!(
             text,
             "{indent}<body name=\"{}\" pos=\"{}\" quat=\"{}\">",
             link_name(self, Some(index)),
-            vector(&link.origin.translation.vector),
-            numbers(&[
-                link.origin.rotation.w,
-                link.origin.rotation.i,
-                link.origin.rotation.j,
-                link.origin.rotation.k,
-            ])
+            vector(&origin.translation.vector),
+            numbers(&[turn.w, turn.i, turn.j, turn.k])
         );
-        if let Some(inertial) = inertial(link) {
+        if let Some(inertial) = inertial(&links[index]) {
             let _ = writeln!(text, "{indent}  {inertial}");
         }
-        let _ = writeln!(text, "{indent}  {}", joint(&self.joints[index], link));
-        for below in index + 1..chain.joint_count() {
-            if chain.links()[below].parent == Some(index) {
-                self.body(chain, below, depth + 1, text);
-            }
+        for (number, own) in run.iter().enumerate() {
+            let frame = pose(&run[number + 1..]);
+            let joint = joint(&self.joints[*own], &links[*own], &frame.inverse());
+            let _ = writeln!(text, "{indent}  {joint}");
+        }
+        for link in below(links, index) {
+            self.body(chain, link, depth + 1, text);
         }
         let _ = writeln!(text, "{indent}</body>");
     }
@@ -112,6 +127,36 @@ impl Robot {
     }
 }
 
+/// The links that hang on one.
+fn below(links: &[Link], index: usize) -> Vec<usize> {
+    let all = index + 1..links.len();
+    all.filter(|link| links[*link].parent == Some(index))
+        .collect()
+}
+
+fn weighs_nothing(link: &Link) -> bool {
+    link.mass_kg == 0.0 && link.inertia_kg_m2 == Matrix3::zeros()
+}
+
+/// What MuJoCo refuses to move.
+fn refused(robot: &Robot, links: &[Link]) -> Option<String> {
+    let is_refused = |index: &usize| {
+        let link = &links[*index];
+        let is_point = link.mass_kg == 0.0 || link.inertia_kg_m2 == Matrix3::zeros();
+        is_point && !(weighs_nothing(link) && below(links, *index).len() == 1)
+    };
+    let refused = (0..links.len()).filter(is_refused);
+    let names: Vec<&str> = refused
+        .map(|index| robot.joints[index].name.as_str())
+        .collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "{}: MuJoCo refuses a body that moves without mass or inertia; give its link both",
+            names.join(", ")
+        )
+    })
+}
+
 fn is_said(effect: &Effect) -> bool {
     matches!(
         effect,
@@ -124,8 +169,7 @@ fn is_said(effect: &Effect) -> bool {
 
 fn inertial(link: &Link) -> Option<String> {
     let i = Symmetric::of(&link.inertia_kg_m2);
-    let weighs = link.mass_kg != 0.0 || link.inertia_kg_m2.iter().any(|element| *element != 0.0);
-    weighs.then(|| {
+    (!weighs_nothing(link)).then(|| {
         format!(
             "<inertial pos=\"{}\" mass=\"{}\" fullinertia=\"{}\"/>",
             vector(&link.centre_of_mass_m),
@@ -135,7 +179,8 @@ fn inertial(link: &Link) -> Option<String> {
     })
 }
 
-fn joint(joint: &RobotJoint, link: &Link) -> String {
+/// `frame` is the joint's in that of its body.
+fn joint(joint: &RobotJoint, link: &Link, frame: &Isometry3<f64>) -> String {
     let kind = match link.kind {
         JointKind::Revolute => "hinge",
         JointKind::Prismatic => "slide",
@@ -143,8 +188,12 @@ fn joint(joint: &RobotJoint, link: &Link) -> String {
     let mut text = format!(
         "<joint name=\"{}\" type=\"{kind}\" axis=\"{}\"",
         in_attribute(&joint.name),
-        vector(&link.axis)
+        vector(&(frame.rotation * link.axis))
     );
+    if frame.translation.vector != Vector3::zeros() {
+        let place = vector(&frame.translation.vector);
+        let _ = write!(text, " pos=\"{place}\"");
+    }
     let mut attribute = |key: &str, value: &str| {
         let _ = write!(text, " {key}=\"{value}\"");
     };

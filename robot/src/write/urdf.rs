@@ -108,6 +108,8 @@ fn joint_element(joint: &RobotJoint, link: &Link, parent: &str, child: &str) -> 
     let effort_nm = joint
         .torque_limit_nm
         .map(|limit_nm| limit_nm * joint.gear_ratio.abs());
+    // what slides must have limits
+    let limits = limits.or((kind == "prismatic").then_some([-NO_LIMIT, NO_LIMIT]));
     if limits.is_some() || effort_nm.is_some() || joint.velocity_limit_rad_s.is_some() {
         let ends = limits.map_or(String::new(), |[lower, upper]| {
             format!("lower=\"{lower}\" upper=\"{upper}\" ")
