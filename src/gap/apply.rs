@@ -8,8 +8,8 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use gap_diagnosis::report::{NamedEffect, Report};
-use robot::{Effect, RobotFile, Simulator, Source};
+use gap_diagnosis::report::{NamedEffect, Parameter, Report};
+use robot::{Effect, Robot, RobotFile, Simulator, Source};
 use serde::Serialize;
 use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
@@ -46,7 +46,7 @@ struct Applied<'a> {
 /// # Errors
 /// [`CliError::Input`] for bad input, [`CliError::Negative`] if the report names no effect.
 pub fn apply(arguments: &GapApplyArguments) -> Result<(), CliError> {
-    let report = read_report(&arguments.report)?;
+    let mut report = read_report(&arguments.report)?;
     let simulator = match arguments.format {
         ApplyFormat::Toml => None,
         ApplyFormat::Mjcf => Some(Simulator::Mjcf),
@@ -59,6 +59,8 @@ pub fn apply(arguments: &GapApplyArguments) -> Result<(), CliError> {
     let (text, source) = robot::load_text(&arguments.robot).map_err(CliError::input)?;
     let file = RobotFile::parse(&text, &arguments.robot).map_err(CliError::input)?;
     check_name(arguments, &report, &file.name)?;
+    let robot = file.build(source.clone()).map_err(CliError::input)?;
+    put_payloads_on_last_link(&mut report, &robot);
     let refuse =
         |reason: String| CliError::Input(format!("{}: {reason}", arguments.report.display()));
     let (mut text, mut changes) = with_effects(&text, &report).map_err(refuse)?;
@@ -140,6 +142,34 @@ fn tell(
     }
     let _ = writeln!(text, "robot file: {}", arguments.out.display());
     print(&text)
+}
+
+/// A payload was found in the frame of the last joint that was diagnosed, and a file has it in that of its last link: a gripper
+/// that nobody recorded may be between them.
+fn put_payloads_on_last_link(report: &mut Report, robot: &Robot) {
+    let joints = report.joints.iter();
+    let names: Vec<String> = joints.map(|joint| joint.joint.clone()).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let shared = report.shared_effects.iter_mut();
+    let own = report.joints.iter_mut();
+    let own = own.flat_map(|joint| joint.effects.iter_mut().chain(&mut joint.minor_effects));
+    for found in shared.map(|shared| &mut shared.effect).chain(own) {
+        let Ok(Effect::Payload { centre_m, .. }) = to_effect(found) else {
+            continue;
+        };
+        let centre_m = robot.in_last_link(&names, centre_m);
+        let places = [("x", 0), ("y", 1), ("z", 2)];
+        let stated = found.parameters.remove("centre_m");
+        for (axis, index) in places {
+            let parameter = found.parameters.entry(format!("centre_m_{axis}"));
+            let parameter = parameter.or_insert(stated.unwrap_or(Parameter {
+                value: 0.0,
+                std: 0.0,
+                at_bound: false,
+            }));
+            parameter.value = centre_m[index];
+        }
+    }
 }
 
 /// What is written must be what every other command takes.
