@@ -14,6 +14,7 @@ mod output;
 mod process;
 mod recording;
 mod reproduce;
+mod robot;
 mod run;
 mod supervisor;
 
@@ -44,6 +45,7 @@ fn main() -> ExitCode {
         Command::Doctor(arguments) => doctor::doctor(&arguments),
         Command::Faults(arguments) => faults::faults(&arguments),
         Command::Gap(command) => gap::gap(&command),
+        Command::Robot(command) => robot::robot(&command),
         Command::Process(arguments) => process::run(&arguments),
     };
     match outcome {

@@ -11,7 +11,7 @@ use crate::description::Description;
 use crate::error::{Place, RobotError};
 use crate::file::{LinkFile, LinkKind, RobotFile, RobotJoint, down};
 use crate::mass::{MassProperties, isometry};
-use crate::model::{Body, Joint, Model, note_of_held};
+use crate::model::{Body, ElementOfJoint, Joint, Model, note_of_held};
 use crate::{Control, Effect, Robot, Source};
 
 /// What no fit and no simulation can do anything with.
@@ -90,7 +90,7 @@ impl RobotFile {
     }
 
     /// The rigid bodies and what else their description says.
-    fn model(&self, file: &str, source: &Source) -> Result<Model, RobotError> {
+    pub(crate) fn model(&self, file: &str, source: &Source) -> Result<Model, RobotError> {
         let top = Place::new(file, "top level");
         let named = [
             (Description::Urdf, &self.urdf),
@@ -299,6 +299,7 @@ fn model_of_links(file: &str, links: &[LinkFile]) -> Result<Model, RobotError> {
             .map(|(index, link)| body(file, link, parent_of(file, links, index)?))
             .collect::<Result<_, _>>()?,
         timestep_s: None,
+        angle_rad: 1.0,
         notes: Vec::new(),
     })
 }
@@ -354,6 +355,7 @@ fn body(file: &str, link: &LinkFile, parent: Option<usize>) -> Result<Body, Robo
         })?;
     Ok(Body {
         place: place.clone(),
+        at: 0,
         parent,
         origin: isometry(link.origin_m, link.origin_rpy_rad),
         joint: Some(Joint {
@@ -366,6 +368,8 @@ fn body(file: &str, link: &LinkFile, parent: Option<usize>) -> Result<Body, Robo
             mimic: None,
             drive: RobotJoint::named(&link.joint),
             law: None,
+            element: ElementOfJoint::default(),
+            actuators: Vec::new(),
         }),
         mass: MassProperties {
             mass_kg: link.mass_kg,

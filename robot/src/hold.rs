@@ -1,11 +1,11 @@
 //! The robot of which some joints do not move.
 
 use joint_model::rigid_body::Chain;
-use nalgebra::Point3;
+use nalgebra::{Isometry3, Point3};
 
 use crate::error::{Place, RobotError};
 use crate::mass::MassProperties;
-use crate::model::{HeldJoint, Movement, Part, lump, note_of_held};
+use crate::model::{HeldJoint, Lumped, Movement, Part, lump, note_of_held};
 use crate::{Control, Effect, Robot};
 
 impl Robot {
@@ -29,29 +29,12 @@ impl Robot {
                 "none of its joints is among those that move; it has {own}"
             )));
         }
-        let links = self.chain.links().iter().enumerate();
-        let parts: Vec<Part> = links
-            .map(|(index, link)| Part {
-                parent: link.parent,
-                origin: link.origin,
-                movement: if moves(index) {
-                    Movement::Joint(link.kind, link.axis)
-                } else {
-                    Movement::Held(link.kind, link.axis, 0.0)
-                },
-                mass: MassProperties {
-                    mass_kg: link.mass_kg,
-                    centre_m: link.centre_of_mass_m,
-                    inertia_kg_m2: link.inertia_kg_m2,
-                },
-            })
-            .collect();
-        let lumped = lump(&parts);
+        let lumped = self.lumped(&moves);
         let (gravity_m_s2, mut tool) = (self.chain.gravity_m_s2(), self.chain.tool());
         let mut shared_effects = self.shared_effects.clone();
         let mut notes = self.notes.clone();
-        match lumped.places.last() {
-            Some((Some(link), frame)) if *link + 1 == lumped.links.len() => {
+        match last_frame(&lumped) {
+            Some(frame) => {
                 tool = frame * tool;
                 for effect in &mut shared_effects {
                     if let Effect::Payload { centre_m, .. } = effect {
@@ -59,7 +42,7 @@ impl Robot {
                     }
                 }
             }
-            _ => notes
+            None => notes
                 .push("tool and payload are on the last joint that moves, in its frame".to_owned()),
         }
         let held: Vec<HeldJoint> = (0..self.joints.len())
@@ -88,5 +71,45 @@ impl Robot {
             notes,
             ..self.clone()
         })
+    }
+
+    /// The links with what does not move as part of what carries it.
+    fn lumped(&self, moves: &dyn Fn(usize) -> bool) -> Lumped {
+        let links = self.chain.links().iter().enumerate();
+        let parts: Vec<Part> = links
+            .map(|(index, link)| Part {
+                parent: link.parent,
+                origin: link.origin,
+                movement: if moves(index) {
+                    Movement::Joint(link.kind, link.axis)
+                } else {
+                    Movement::Held(link.kind, link.axis, 0.0)
+                },
+                mass: MassProperties {
+                    mass_kg: link.mass_kg,
+                    centre_m: link.centre_of_mass_m,
+                    inertia_kg_m2: link.inertia_kg_m2,
+                },
+            })
+            .collect();
+        lump(&parts)
+    }
+
+    /// A place in the last link's frame of this robot, where it is known in that of the robot of which only these joints move:
+    /// where a payload that was found on that one stands in this one's file.
+    pub fn in_last_link(&self, names: &[&str], centre_m: [f64; 3]) -> [f64; 3] {
+        let moves = |index: usize| names.contains(&self.joints[index].name.as_str());
+        match last_frame(&self.lumped(&moves)) {
+            Some(frame) => (frame.inverse() * Point3::from(centre_m)).into(),
+            None => centre_m,
+        }
+    }
+}
+
+/// The frame of the last link in that of the last one that moves; none where that does not carry it.
+fn last_frame(lumped: &Lumped) -> Option<Isometry3<f64>> {
+    match lumped.places.last() {
+        Some((Some(link), frame)) if *link + 1 == lumped.links.len() => Some(*frame),
+        _ => None,
     }
 }

@@ -12,6 +12,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod apply;
 mod bodies;
 mod build;
 mod check;
@@ -31,11 +32,15 @@ mod parse;
 pub mod published;
 mod push;
 mod robot;
+mod starter;
+mod survey;
 mod table;
 mod tolerance;
 mod urdf;
+mod write;
 mod xml;
 
+pub use apply::{Outcome, Simulator, SimulatorFile};
 pub use bodies::changed_chain;
 pub use control::{Control, ControlKind, Feedback, Feedforward};
 pub use effect::{Effect, EncoderSide};
@@ -48,8 +53,11 @@ pub use parse::parse as parse_toml;
 pub use published::published;
 pub use push::{Push, load_pushes};
 pub use robot::{Robot, Source, load, load_file, load_text, shipped};
+pub use starter::starter;
+pub use survey::{Survey, survey};
 pub use table::{
     DirectionalFriction, FrictionTable, LoadTorqueRow, LoadTorqueTable, StribeckRow, TableOver,
     TorqueTable,
 };
 pub use tolerance::{DEFAULT_TOLERANCE, Tolerance};
+pub use write::Written;

@@ -26,6 +26,8 @@ pub struct Model {
     pub bodies: Vec<Body>,
     /// Of the simulation whose model it is.
     pub timestep_s: Option<f64>,
+    /// What an angle of 1 is.
+    pub angle_rad: f64,
     /// What was assumed or not read.
     pub notes: Vec<String>,
 }
@@ -34,6 +36,8 @@ pub struct Model {
 pub struct Body {
     /// Where it is described.
     pub place: Place,
+    /// Byte of its file at which its element begins.
+    pub at: usize,
     /// Index of the body that carries it, smaller than its own; `None` for the base.
     pub parent: Option<usize>,
     /// Its frame, which is the joint's, in the parent's frame, with the joint at zero.
@@ -56,6 +60,38 @@ pub struct Joint {
     pub drive: RobotJoint,
     /// What commands its torque.
     pub law: Option<Law>,
+    /// Where its element stands.
+    pub element: ElementOfJoint,
+    /// What drives it.
+    pub actuators: Vec<Actuator>,
+}
+
+/// Where a joint's element stands in its file and in its body.
+#[derive(Clone, Default)]
+pub struct ElementOfJoint {
+    /// Byte at which it begins.
+    pub at: usize,
+    /// The joint's frame is so far from the body's.
+    pub anchor_m: Vector3<f64>,
+    /// Whether another joint of the same body follows it.
+    pub is_followed: bool,
+}
+
+/// An actuator of a MuJoCo model, with what its class says.
+#[derive(Clone)]
+pub struct Actuator {
+    /// Byte of its file at which its element begins.
+    pub at: usize,
+    pub tag: String,
+    /// `None` where it is not one that is read.
+    pub kind: Option<ControlKind>,
+    pub gear: Vec<f64>,
+    pub kp: Option<f64>,
+    pub kv: Option<f64>,
+    pub gain: Vec<f64>,
+    pub bias: Vec<f64>,
+    pub force_range: Option<[f64; 2]>,
+    pub delay_s: f64,
 }
 
 /// A law of control with its gains, at the joint.

@@ -99,7 +99,7 @@ pub fn load(name_or_path: &str) -> Result<Robot, RobotError> {
 /// # Errors
 /// [`RobotError`]: one line with file, place, and what to change.
 pub fn load_file(name_or_path: &str) -> Result<(RobotFile, Source), RobotError> {
-    let (text, source) = read(name_or_path)?;
+    let (text, source) = load_raw(name_or_path)?;
     let file = match Description::of(&text, name_or_path)? {
         None => RobotFile::parse(&text, name_or_path)?,
         Some(description) => description.robot_file(&text, Path::new(name_or_path))?,
@@ -113,7 +113,7 @@ pub fn load_file(name_or_path: &str) -> Result<(RobotFile, Source), RobotError> 
 /// # Errors
 /// [`RobotError`] if there is no such file, or it is a URDF or a MuJoCo model that cannot be read.
 pub fn load_text(name_or_path: &str) -> Result<(String, Source), RobotError> {
-    let (text, source) = read(name_or_path)?;
+    let (text, source) = load_raw(name_or_path)?;
     let Some(description) = Description::of(&text, name_or_path)? else {
         return Ok((text, source));
     };
@@ -124,7 +124,8 @@ pub fn load_text(name_or_path: &str) -> Result<(String, Source), RobotError> {
     Ok((text, source))
 }
 
-fn read(name_or_path: &str) -> Result<(String, Source), RobotError> {
+/// The very text, of whatever kind.
+pub(crate) fn load_raw(name_or_path: &str) -> Result<(String, Source), RobotError> {
     if let Some((name, text)) = SHIPPED.iter().find(|(name, _)| *name == name_or_path) {
         return Ok(((*text).to_owned(), Source::Shipped(name)));
     }

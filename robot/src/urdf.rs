@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 
 use crate::error::RobotError;
 use crate::mass::{MassProperties, isometry};
-use crate::model::{BODIES_MAX, Body, Joint, Mimic, Model};
+use crate::model::{BODIES_MAX, Body, ElementOfJoint, Joint, Mimic, Model};
 use crate::xml::{self, Element};
 use crate::{Effect, RobotJoint};
 
@@ -49,6 +49,7 @@ pub fn read(text: &str, file: &str) -> Result<Model, RobotError> {
         gravity_m_s2: None,
         bodies: Vec::new(),
         timestep_s: None,
+        angle_rad: 1.0,
         notes: notes(robot),
     };
     let root = tree.root()?;
@@ -271,6 +272,7 @@ impl<'a> Tree<'a> {
         let Some(joint) = through else {
             return Ok(Body {
                 place: self.links[link].place(),
+                at: self.links[link].at(),
                 parent,
                 origin: Isometry3::identity(),
                 joint: None,
@@ -279,6 +281,7 @@ impl<'a> Tree<'a> {
         };
         Ok(Body {
             place: self.links[link].place(),
+            at: self.links[link].at(),
             parent,
             origin: origin_of(joint)?,
             joint: moving_joint(joint, reductions, notes)?,
@@ -385,6 +388,11 @@ fn moving_joint(
         mimic,
         drive,
         law: None,
+        element: ElementOfJoint {
+            at: joint.at(),
+            ..ElementOfJoint::default()
+        },
+        actuators: Vec::new(),
     }))
 }
 

@@ -11,7 +11,18 @@ const DEPTH_MAX: usize = 200;
 
 /// Reads the text; `file` is what errors call it.
 pub fn parse(text: &str, file: &str) -> Result<Element, RobotError> {
-    let document = Document::parse(text).map_err(|error| {
+    let document = document(text, file)?;
+    let line_starts = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1));
+    let text = Text {
+        file: file.into(),
+        line_starts: line_starts.collect(),
+    };
+    text.element(document.root_element(), None, 0)
+}
+
+/// The text as the library of XML reads it; `file` is what errors call it.
+pub fn document<'t>(text: &'t str, file: &str) -> Result<Document<'t>, RobotError> {
+    Document::parse(text).map_err(|error| {
         if text.contains("<xacro:") {
             return refuse_xacro(file);
         }
@@ -27,13 +38,7 @@ pub fn parse(text: &str, file: &str) -> Result<Element, RobotError> {
             place: Box::new(place),
             what,
         }
-    })?;
-    let line_starts = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1));
-    let text = Text {
-        file: file.into(),
-        line_starts: line_starts.collect(),
-    };
-    text.element(document.root_element(), None, 0)
+    })
 }
 
 /// The text that elements come from.
@@ -62,6 +67,7 @@ impl Text {
         let mut element = Element {
             file: Rc::clone(&self.file),
             line: self.line_starts.partition_point(|begin| *begin <= start),
+            at: start,
             label,
             tag,
             namespace: node.tag_name().namespace().unwrap_or("").to_owned(),
@@ -125,6 +131,7 @@ pub fn root_name(text: &str) -> Option<&str> {
 pub struct Element {
     file: Rc<str>,
     line: usize,
+    at: usize,
     /// "joint `elbow`", or of an element without name what it is in: "limit in joint `elbow`".
     label: String,
     tag: String,
@@ -149,6 +156,11 @@ impl Element {
 
     pub fn line(&self) -> usize {
         self.line
+    }
+
+    /// Byte of its file at which it begins.
+    pub fn at(&self) -> usize {
+        self.at
     }
 
     pub fn place(&self) -> Place {

@@ -5,7 +5,9 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use proptest::prelude::*;
-use robot::{Robot, RobotFile, Source, load, load_pushes, parse_injection};
+use robot::{
+    Effect, Robot, RobotFile, Simulator, SimulatorFile, Source, load, load_pushes, parse_injection,
+};
 use tempfile::TempDir;
 
 const ROBOT: &str = include_str!("../../robots/shd17.toml");
@@ -25,6 +27,40 @@ const MJCF: &str = r#"<mujoco model="arm"><compiler angle="radian" eulerseq="zyx
 <equality><joint joint1="b" joint2="a" polycoef="0 0.5"/></equality>
 <actuator><position joint="a" kp="3" kv="1" forcerange="-6 6"/><general joint="b" gainprm="2" biastype="affine" biasprm="0 -2 -1"/></actuator></mujoco>"#;
 static SHD17: LazyLock<Robot> = LazyLock::new(|| load("shd17").expect("shipped"));
+
+/// One of each way in which a model is changed.
+const EFFECTS: [(Option<usize>, Effect); 9] = [
+    (Some(0), Effect::CoulombFriction { coulomb_nm: 1.0 }),
+    (Some(0), Effect::TorqueOffset { offset_nm: -0.5 }),
+    (
+        Some(0),
+        Effect::RotorInertia {
+            inertia_kg_m2: 0.01,
+        },
+    ),
+    (
+        Some(0),
+        Effect::LinkInertia {
+            inertia_kg_m2: 0.01,
+        },
+    ),
+    (Some(0), Effect::TorqueConstantError { gain: 0.9 }),
+    (Some(0), Effect::TorqueSaturation { limit_nm: 3.0 }),
+    (
+        Some(0),
+        Effect::CurrentLoopLag {
+            time_constant_s: 0.01,
+        },
+    ),
+    (None, Effect::CommandDelay { delay_s: 0.01 }),
+    (
+        None,
+        Effect::Payload {
+            mass_kg: 0.5,
+            centre_m: [0.0, 0.1, 0.2],
+        },
+    ),
+];
 
 /// The text with some stretches removed, doubled or overwritten.
 fn mangle(text: &str, wounds: &[(prop::sample::Index, usize, String)]) -> String {
@@ -74,6 +110,35 @@ proptest! {
             std::fs::write(&path, mangle(text, &wounds)).unwrap();
             if let Err(error) = load(path.to_str().unwrap()) {
                 prop_assert!(!error.to_string().contains('\n'), "{error}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_read_can_be_written_and_given_effects(wounds in wounds()) {
+        for (name, text) in [("said.urdf", URDF), ("said.xml", MJCF)] {
+            let path = folder().join(name);
+            std::fs::write(&path, mangle(text, &wounds)).unwrap();
+            let path = path.to_str().unwrap();
+            let Ok(robot) = load(path) else { continue };
+            for (out, written) in [("out.urdf", robot.to_urdf()), ("out.xml", robot.to_mjcf()), ("out.toml", robot.to_robot_file().unwrap())] {
+                let out = folder().join(out);
+                std::fs::write(&out, &written.text).unwrap();
+                let read = load(out.to_str().unwrap());
+                prop_assert!(read.is_ok(), "{}\n{}", read.unwrap_err(), written.text);
+            }
+            for simulator in [Simulator::Mjcf, Simulator::Urdf, Simulator::IsaacLab] {
+                let out = folder().join("effects");
+                let mut file = SimulatorFile::of(&robot, path, simulator, &out).unwrap();
+                for (joint, effect) in EFFECTS {
+                    file.add(joint, &effect);
+                }
+                let text = file.text().unwrap();
+                std::fs::write(&out, &text).unwrap();
+                if simulator != Simulator::IsaacLab {
+                    let read = load(out.to_str().unwrap());
+                    prop_assert!(read.is_ok(), "{}\n{text}", read.unwrap_err());
+                }
             }
         }
     }

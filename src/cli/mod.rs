@@ -10,6 +10,7 @@ mod monitor;
 mod process;
 mod recording;
 mod reproduce;
+mod robot;
 mod run;
 
 pub use self::blind::*;
@@ -22,6 +23,7 @@ pub use self::monitor::*;
 pub use self::process::*;
 pub use self::recording::*;
 pub use self::reproduce::*;
+pub use self::robot::*;
 pub use self::run::*;
 
 use clap::{Parser, Subcommand};
@@ -58,6 +60,9 @@ pub enum Command {
     /// Where simulation and robot part, which effect causes it, and how far that can be mended
     #[command(subcommand)]
     Gap(GapCommand),
+    /// A robot file to begin with; what is known, unknown and doubtful of a robot; URDF, MuJoCo model and robot file into each other
+    #[command(subcommand)]
+    Robot(RobotCommand),
     /// One process of a running instance; started by `run`
     #[command(hide = true)]
     Process(ProcessArguments),

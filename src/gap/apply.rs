@@ -1,18 +1,19 @@
 //! `flexspline gap apply`: a robot file with the diagnosed effects in it, everything else as it was written.
 
 mod remaining;
+mod simulator;
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use gap_diagnosis::report::{NamedEffect, Report};
-use robot::{Effect, RobotFile, Source};
+use gap_diagnosis::report::{NamedEffect, Parameter, Report};
+use robot::{Effect, Robot, RobotFile, Simulator, Source};
 use serde::Serialize;
 use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
-use crate::cli::GapApplyArguments;
+use crate::cli::{ApplyFormat, GapApplyArguments};
 use crate::error::CliError;
 use crate::output::{print, write_json, write_text};
 
@@ -45,18 +46,21 @@ struct Applied<'a> {
 /// # Errors
 /// [`CliError::Input`] for bad input, [`CliError::Negative`] if the report names no effect.
 pub fn apply(arguments: &GapApplyArguments) -> Result<(), CliError> {
-    let report = read_report(&arguments.report)?;
+    let mut report = read_report(&arguments.report)?;
+    let simulator = match arguments.format {
+        ApplyFormat::Toml => None,
+        ApplyFormat::Mjcf => Some(Simulator::Mjcf),
+        ApplyFormat::Urdf => Some(Simulator::Urdf),
+        ApplyFormat::Isaaclab => Some(Simulator::IsaacLab),
+    };
+    if let Some(simulator) = simulator {
+        return simulator::apply(arguments, &report, simulator);
+    }
     let (text, source) = robot::load_text(&arguments.robot).map_err(CliError::input)?;
     let file = RobotFile::parse(&text, &arguments.robot).map_err(CliError::input)?;
-    if file.name != report.robot {
-        return Err(CliError::Input(format!(
-            "{}: is about robot `{}`, --robot {} is `{}`; give the robot file that was diagnosed",
-            arguments.report.display(),
-            report.robot,
-            arguments.robot,
-            file.name
-        )));
-    }
+    check_name(arguments, &report, &file.name)?;
+    let robot = file.build(source.clone()).map_err(CliError::input)?;
+    put_payloads_on_last_link(&mut report, &robot);
     let refuse =
         |reason: String| CliError::Input(format!("{}: {reason}", arguments.report.display()));
     let (mut text, mut changes) = with_effects(&text, &report).map_err(refuse)?;
@@ -68,15 +72,32 @@ pub fn apply(arguments: &GapApplyArguments) -> Result<(), CliError> {
         left_out = rest.left_out;
     }
     if changes.is_empty() {
-        return Err(CliError::Negative(format!(
-            "{}: names no effect, so there is nothing to add",
-            arguments.report.display()
-        )));
+        return Err(names_nothing(arguments));
     }
     let text = with_description(text, &source, &arguments.out)?;
     check(&text, &arguments.out)?;
     write_text(&arguments.out, &text)?;
     tell(arguments, &changes, &left_out)
+}
+
+fn names_nothing(arguments: &GapApplyArguments) -> CliError {
+    CliError::Negative(format!(
+        "{}: names no effect, so there is nothing to add",
+        arguments.report.display()
+    ))
+}
+
+/// Whether the report is about this robot.
+fn check_name(arguments: &GapApplyArguments, report: &Report, name: &str) -> Result<(), CliError> {
+    if name == report.robot {
+        return Ok(());
+    }
+    Err(CliError::Input(format!(
+        "{}: is about robot `{}`, --robot {} is `{name}`; give the robot file that was diagnosed",
+        arguments.report.display(),
+        report.robot,
+        arguments.robot,
+    )))
 }
 
 /// Reads a report that somebody else may have written.
@@ -121,6 +142,34 @@ fn tell(
     }
     let _ = writeln!(text, "robot file: {}", arguments.out.display());
     print(&text)
+}
+
+/// A payload was found in the frame of the last joint that was diagnosed, and a file has it in that of its last link: a gripper
+/// that nobody recorded may be between them.
+fn put_payloads_on_last_link(report: &mut Report, robot: &Robot) {
+    let joints = report.joints.iter();
+    let names: Vec<String> = joints.map(|joint| joint.joint.clone()).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let shared = report.shared_effects.iter_mut();
+    let own = report.joints.iter_mut();
+    let own = own.flat_map(|joint| joint.effects.iter_mut().chain(&mut joint.minor_effects));
+    for found in shared.map(|shared| &mut shared.effect).chain(own) {
+        let Ok(Effect::Payload { centre_m, .. }) = to_effect(found) else {
+            continue;
+        };
+        let centre_m = robot.in_last_link(&names, centre_m);
+        let places = [("x", 0), ("y", 1), ("z", 2)];
+        let stated = found.parameters.remove("centre_m");
+        for (axis, index) in places {
+            let parameter = found.parameters.entry(format!("centre_m_{axis}"));
+            let parameter = parameter.or_insert(stated.unwrap_or(Parameter {
+                value: 0.0,
+                std: 0.0,
+                at_bound: false,
+            }));
+            parameter.value = centre_m[index];
+        }
+    }
 }
 
 /// What is written must be what every other command takes.
@@ -182,7 +231,8 @@ pub fn with_effects(text: &str, report: &Report) -> Result<(String, Vec<Change>)
         }
     }
     for joint in &report.joints {
-        for found in &joint.effects {
+        // all were fitted together: without the small ones the large ones are wrong
+        for found in joint.named() {
             let effect = to_effect(found)?;
             changes.push(add_to_joint(&mut document, &joint.joint, &effect)?);
         }
@@ -380,4 +430,4 @@ fn push_table(tables: &mut ArrayOfTables, entry: Table) {
 }
 
 #[cfg(test)]
-mod tests;
+pub mod tests;

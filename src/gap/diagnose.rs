@@ -2,19 +2,32 @@
 
 use std::fmt::Write;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use comfy_table::{Table, presets};
 use gap_diagnosis::report::{DataFinding, JointReport, Report, Verdict};
 use gap_diagnosis::{Diagnosis, Engine, Options};
 use indicatif::{ProgressBar, ProgressStyle};
+use recording::Recording;
 use report::number;
+use robot::Robot;
+use serde::Serialize;
 
+use super::beside::{Beside, beside};
 use super::page;
 use super::page::words::{sentence, verdict_in_words};
 use crate::cli::GapDiagnoseArguments;
 use crate::error::CliError;
 use crate::output::{cannot_write, print, write_json, write_text};
+
+/// A report, and the simulator beside it where there is one.
+#[derive(Serialize)]
+struct Told<'a> {
+    #[serde(flatten)]
+    report: &'a Report,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    beside_simulator: Option<&'a Beside>,
+}
 
 /// Reads, diagnoses, writes, prints.
 ///
@@ -22,46 +35,83 @@ use crate::output::{cannot_write, print, write_json, write_text};
 /// [`CliError::Input`] for bad input: the file and what is wrong with it.
 pub fn diagnose(arguments: &GapDiagnoseArguments) -> Result<(), CliError> {
     let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
-    let mut recordings = Vec::new();
-    let mut guessed = String::new();
-    for path in &arguments.recording {
-        let mapping = arguments.mapping.as_deref();
-        let (recording, lines) =
-            crate::recording::read_of(path, mapping, &robot, &arguments.robot)?;
-        recordings.push((path.display().to_string(), recording));
-        guessed += &lines;
-    }
+    let (recordings, mut guessed) = read_all(&arguments.recording, arguments, &robot)?;
     let recorded: Vec<&str> = recordings
         .iter()
         .flat_map(|(_, recording)| recording.joint_names())
         .collect();
     let robot = robot.moving_only(&recorded).map_err(CliError::input)?;
+    let (simulated, more) = read_all(&arguments.simulated, arguments, &robot)?;
+    guessed += &more;
+    let diagnosis = diagnosed(&robot, &recordings, arguments)?;
+    let simulator = (!simulated.is_empty())
+        .then(|| diagnosed(&robot, &simulated, arguments))
+        .transpose()?;
+    let simulator = simulator.map(|simulator| simulator.report);
+    let beside = simulator
+        .as_ref()
+        .map(|simulator| beside(&diagnosis.report, simulator));
+    let told = Told {
+        report: &diagnosis.report,
+        beside_simulator: beside.as_ref(),
+    };
+    if let Some(folder) = &arguments.out {
+        fs::create_dir_all(folder).map_err(|error| cannot_write(folder, &error))?;
+        write_json(&told, &folder.join("report.json"))?;
+        if let Some(simulator) = &simulator {
+            write_json(simulator, &folder.join("simulated.json"))?;
+        }
+        let page = page::page(&robot, &diagnosis, beside.as_ref()).to_html();
+        write_text(&folder.join("report.html"), &page)?;
+    }
+    if let Some(path) = &arguments.json {
+        write_json(&told, path)?;
+    }
+    if let Some(why) = nothing_to_say(&diagnosis.report) {
+        return Err(CliError::Input(why));
+    }
+    if let Some(why) = simulator.as_ref().and_then(nothing_to_say) {
+        return Err(CliError::Input(format!("--simulated: {why}")));
+    }
+    if arguments.json.as_deref() == Some(Path::new("-")) {
+        return Ok(());
+    }
+    let lines = beside.map_or(String::new(), |beside| beside.lines());
+    print(&(guessed + &summary(&diagnosis.report, &lines, arguments.out.as_deref())))
+}
+
+/// Recordings with their names, and what was guessed of them.
+fn read_all(
+    paths: &[PathBuf],
+    arguments: &GapDiagnoseArguments,
+    robot: &Robot,
+) -> Result<(Vec<(String, Recording)>, String), CliError> {
+    let mut recordings = Vec::new();
+    let mut guessed = String::new();
+    for path in paths {
+        let mapping = arguments.mapping.as_deref();
+        let (recording, lines) = crate::recording::read_of(path, mapping, robot, &arguments.robot)?;
+        recordings.push((path.display().to_string(), recording));
+        guessed += &lines;
+    }
+    Ok((recordings, guessed))
+}
+
+fn diagnosed(
+    robot: &Robot,
+    recordings: &[(String, Recording)],
+    arguments: &GapDiagnoseArguments,
+) -> Result<Diagnosis, CliError> {
     let bar = progress_bar(robot.joints.len());
     let options = Options {
         engine: arguments.engine.map(Engine::from),
         materiality: arguments.materiality,
     };
-    let diagnosed = gap_diagnosis::diagnose(&robot, &recordings, &options, &|progress| {
+    let diagnosed = gap_diagnosis::diagnose(robot, recordings, &options, &|progress| {
         bar.set_position(progress.done as u64);
     });
     bar.finish_and_clear();
-    let diagnosis: Diagnosis = diagnosed.map_err(CliError::input)?;
-    if let Some(folder) = &arguments.out {
-        fs::create_dir_all(folder).map_err(|error| cannot_write(folder, &error))?;
-        write_json(&diagnosis.report, &folder.join("report.json"))?;
-        let page = page::page(&robot, &diagnosis).to_html();
-        write_text(&folder.join("report.html"), &page)?;
-    }
-    if let Some(path) = &arguments.json {
-        write_json(&diagnosis.report, path)?;
-    }
-    if let Some(why) = nothing_to_say(&diagnosis.report) {
-        return Err(CliError::Input(why));
-    }
-    if arguments.json.as_deref() == Some(Path::new("-")) {
-        return Ok(());
-    }
-    print(&(guessed + &summary(&diagnosis.report, arguments.out.as_deref())))
+    diagnosed.map_err(CliError::input)
 }
 
 /// Why no joint can be diagnosed, if so: what is wrong with the data of the first.
@@ -76,7 +126,8 @@ fn nothing_to_say(report: &Report) -> Option<String> {
     why.or(report.data.first()).map(ToString::to_string)
 }
 
-fn summary(report: &Report, out: Option<&Path>) -> String {
+/// `beside`: lines about the simulator.
+fn summary(report: &Report, beside: &str, out: Option<&Path>) -> String {
     let mut text = format!("{}\n", sentence(report));
     let mut rows = Table::new();
     rows.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_header([
@@ -92,6 +143,7 @@ fn summary(report: &Report, out: Option<&Path>) -> String {
         rows.add_row(row(joint));
     }
     let _ = writeln!(text, "{rows}");
+    text += beside;
     for (finding, joints) in told_once(&report.data) {
         let on = if joints.len() < 2 {
             String::new()

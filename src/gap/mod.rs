@@ -1,6 +1,7 @@
 //! `flexspline gap`: where simulation and robot part, why, and how far that can be mended.
 
 mod apply;
+mod beside;
 mod blind;
 mod diagnose;
 mod emulated;

@@ -4,7 +4,7 @@ use super::classes::{Classes, View};
 use super::joints::largest;
 use crate::ControlKind;
 use crate::error::RobotError;
-use crate::model::{Joint, Law, Model};
+use crate::model::{Actuator, Joint, Law, Model};
 use crate::xml::Element;
 
 /// MuJoCo's position actuators are not quite the law they are read as.
@@ -32,6 +32,9 @@ pub fn read(
             Some(joint) => {
                 let limits_nm = [joint.drive.torque_limit_nm, limit_nm];
                 joint.drive.torque_limit_nm = limits_nm.into_iter().flatten().reduce(f64::min);
+                joint
+                    .actuators
+                    .push(actuator(&view, autolimits, law.as_ref())?);
                 let words = commanded_by(joint, law, gear);
                 model.notes.extend(words.map(|words| element.note(words)));
             }
@@ -44,6 +47,24 @@ pub fn read(
     }
     note_laws(root, model);
     Ok(())
+}
+
+/// What it says itself and by its class.
+fn actuator(view: &View, autolimits: bool, law: Option<&Law>) -> Result<Actuator, RobotError> {
+    let list =
+        |key: &str| -> Result<Vec<f64>, RobotError> { Ok(view.list(key)?.unwrap_or_default()) };
+    Ok(Actuator {
+        at: view.element.at(),
+        tag: view.element.tag().to_owned(),
+        kind: law.map(|law| law.kind),
+        gear: list("gear")?,
+        kp: view.number("kp")?,
+        kv: view.number("kv")?,
+        gain: list("gainprm")?,
+        bias: list("biasprm")?,
+        force_range: view.range("forcerange", "forcelimited", autolimits)?,
+        delay_s: view.number("delay")?.unwrap_or(0.0),
+    })
 }
 
 /// Gives the joint its law, and says what is odd about it.

@@ -37,7 +37,7 @@ impl<'a> Classes<'a> {
         let mut classes: BTreeMap<&str, Class> = BTreeMap::new();
         classes.insert(MAIN, Class::default());
         let outermost = root.all("default").map(|default| (default, None));
-        let mut open: Vec<(&Element, Option<&str>)> = outermost.collect();
+        let mut open: Vec<(&Element, Option<&str>)> = outermost.rev().collect();
         while let Some((default, parent)) = open.pop() {
             let name = match (default.attribute("class"), parent) {
                 (Some(name), Some(_)) => name,
@@ -47,13 +47,11 @@ impl<'a> Classes<'a> {
             };
             let class = classes.entry(name).or_default();
             class.parent = parent;
-            for child in default.children() {
-                if child.tag() == "default" {
-                    open.push((child, Some(name)));
-                } else {
-                    class.elements.push(child);
-                }
-            }
+            let (inner, own): (Vec<_>, Vec<_>) = default
+                .children()
+                .partition(|child| child.tag() == "default");
+            class.elements.extend(own);
+            open.extend(inner.into_iter().rev().map(|child| (child, Some(name))));
             if let (Some(alias), None) = (default.attribute("class"), parent)
                 && alias != MAIN
             {

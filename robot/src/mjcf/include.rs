@@ -21,6 +21,49 @@ pub fn read(text: &str, path: &Path) -> Result<Element, RobotError> {
     Ok(root)
 }
 
+/// The text of the whole model, included files' text in the place of their names: what can be changed and still is one file.
+pub fn inlined(text: &str, path: &Path) -> Result<String, RobotError> {
+    // names, depth and number of files are checked there
+    read(text, path)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    inline(text, path, folder)
+}
+
+fn inline(text: &str, path: &Path, folder: &Path) -> Result<String, RobotError> {
+    let document = xml::document(text, &path.display().to_string())?;
+    let mut whole = String::new();
+    let mut done = 0;
+    let includes = document
+        .descendants()
+        .filter(|node| node.has_tag_name("include"));
+    for include in includes {
+        let range = include.range();
+        let name = include.attribute("file").unwrap_or_default();
+        let inside = folder.join(name);
+        let as_what = format!("<include file={name:?}/>");
+        let inner = read_beside(&inside, &path.display().to_string(), &as_what)?;
+        let inner = inline(&inner, &inside, folder)?;
+        whole += &text[done..range.start];
+        whole += between_ends(&inner);
+        done = range.end;
+    }
+    whole += &text[done..];
+    Ok(whole)
+}
+
+/// What is between the first element's ends.
+fn between_ends(text: &str) -> &str {
+    let Ok(document) = roxmltree::Document::parse(text) else {
+        return "";
+    };
+    let root = document.root_element();
+    let children: Vec<_> = root.children().collect();
+    match (children.first(), children.last()) {
+        (Some(first), Some(last)) => &text[first.range().start..last.range().end],
+        _ => "",
+    }
+}
+
 fn splice(
     around: &mut Element,
     folder: &Path,

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Unit, Vector3};
 use super::classes::View;
 use super::{Parts, Reader};
 use crate::error::RobotError;
-use crate::model::{Joint, Mimic, Model, moved};
+use crate::model::{ElementOfJoint, Joint, Mimic, Model, moved};
 use crate::xml::Element;
 use crate::{Effect, RobotJoint};
 
@@ -121,6 +121,11 @@ impl<'a> Reader<'a> {
             mimic: None,
             drive,
             law: None,
+            element: ElementOfJoint {
+                at: element.at(),
+                ..ElementOfJoint::default()
+            },
+            actuators: Vec::new(),
         })
     }
 }

@@ -14,6 +14,8 @@ mod unread;
 
 use std::path::Path;
 
+pub use self::include::inlined;
+
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use self::classes::{Classes, View};
@@ -40,6 +42,7 @@ pub fn read(text: &str, path: &Path) -> Result<Model, RobotError> {
             gravity_m_s2: Some(compiler.gravity_m_s2),
             bodies: Vec::new(),
             timestep_s: Some(compiler.timestep_s),
+            angle_rad: compiler.angle_rad,
             notes: Vec::new(),
         },
         compiler,
@@ -135,11 +138,14 @@ impl<'a> Reader<'a> {
         // each joint a body of its own, with its frame where the joint is
         let (mut parent, mut from_parent) = (place.parent, pose);
         let count = joints.len();
-        for (number, (joint, anchor, at_zero)) in joints.into_iter().enumerate() {
+        for (number, (mut joint, anchor, at_zero)) in joints.into_iter().enumerate() {
             let is_last = number + 1 == count;
             let from_anchor = anchor.inverse();
+            joint.element.anchor_m = anchor.translation.vector;
+            joint.element.is_followed = !is_last;
             self.model.bodies.push(Body {
                 place: body.place(),
+                at: body.at(),
                 parent,
                 origin: from_parent * anchor * at_zero,
                 joint: Some(joint),
@@ -155,6 +161,7 @@ impl<'a> Reader<'a> {
         if count == 0 {
             self.model.bodies.push(Body {
                 place: body.place(),
+                at: body.at(),
                 parent,
                 origin: from_parent,
                 joint: None,

@@ -129,6 +129,38 @@ fn a_shared_effect_is_the_whole_arm_s() {
 }
 
 #[test]
+fn a_payload_found_before_a_joint_that_nobody_recorded_is_written_on_the_last_link() {
+    let effect = Effect::Payload {
+        mass_kg: 1.5,
+        centre_m: [0.0, 0.1, 0.2],
+    };
+    let mut shared = found(&effect);
+    shared["joints"] = json!(["shoulder"]);
+    let mut report = report(json!([]), json!([shared]));
+    let gripper = "[[link]]\njoint = \"finger\"\nkind = \"prismatic\"\norigin_m = [0.0, 0.0, 0.5]\naxis = [1.0, 0.0, 0.0]\n\
+                   mass_kg = 0.1\ncentre_of_mass_m = [0.0, 0.0, 0.0]\ninertia_kg_m2 = { xx = 1e-4, yy = 1e-4, zz = 1e-4 }\n";
+    let text = ROBOT.replacen("[[joint]]", &format!("{gripper}[[joint]]"), 1);
+    let text = format!("{text}[[joint]]\nname = \"finger\"\n");
+    let robot = built(&text);
+    super::put_payloads_on_last_link(&mut report, &robot);
+    let (text, _) = with_effects(&text, &report).unwrap();
+    let mended = built(&text);
+    let [Effect::Payload { centre_m, .. }] = mended.shared_effects[..] else {
+        panic!("{text}");
+    };
+    assert!(
+        (centre_m[2] + 0.3).abs() < 1e-6 && centre_m[1] == 0.1,
+        "{centre_m:?}"
+    );
+    // diagnosed again it is where it was found
+    let moving = mended.moving_only(&["shoulder"]).unwrap();
+    let [Effect::Payload { centre_m, .. }] = moving.shared_effects[..] else {
+        panic!("{:?}", moving.shared_effects);
+    };
+    assert!((centre_m[2] - 0.2).abs() < 1e-6, "{centre_m:?}");
+}
+
+#[test]
 fn lists_written_as_tables_take_one_more_and_a_joint_without_a_list_gets_one() {
     let new = found(&Effect::TorqueOffset { offset_nm: 0.4 });
     let (list, _) = ROBOT.split_once("effects = [").unwrap();

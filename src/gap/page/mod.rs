@@ -13,16 +13,16 @@ use report::{
 };
 use robot::Robot;
 
+use super::beside::Beside;
 use words::{next_steps, percent, sentence, unit, verdict_in_words, with_value, words};
 
 /// Two-sided 95 % of the normal distribution.
 const Z95: f64 = 1.96;
 
 /// The whole page.
-pub fn page(robot: &Robot, diagnosis: &Diagnosis) -> Page {
+pub fn page(robot: &Robot, diagnosis: &Diagnosis, beside: Option<&Beside>) -> Page {
     let report = &diagnosis.report;
     let sections = [
-        arm(robot, report),
         effects::section(report),
         traces::section(report, &diagnosis.traces),
         place::section(report),
@@ -34,7 +34,9 @@ pub fn page(robot: &Robot, diagnosis: &Diagnosis) -> Page {
     ];
     let title = format!("Sim-to-real gap of {}", report.robot);
     let page = Page::new(title, sentence(report));
-    sections.into_iter().fold(page, Page::section)
+    let first = [arm(robot, report)].into_iter();
+    let first = first.chain(beside.map(Beside::section));
+    first.chain(sections).fold(page, Page::section)
 }
 
 /// Rms of the gap over that of the noise, as the torque shows it.

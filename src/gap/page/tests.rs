@@ -41,7 +41,7 @@ fn html(verdict: &str, traces: Vec<JointTraces>) -> String {
 
 fn html_of(report: Report, traces: Vec<JointTraces>) -> String {
     let robot = robot::load("shd17").unwrap();
-    page(&robot, &Diagnosis { report, traces }).to_html()
+    page(&robot, &Diagnosis { report, traces }, None).to_html()
 }
 
 /// With a minor effect, and a rest over position and since the last reversal.
@@ -156,7 +156,7 @@ fn an_arm_is_told_in_one_sentence_and_a_line_a_joint_the_largest_first() {
     report.joints.push(second);
     let robot = robot::load("pa10").unwrap();
     let traces = Vec::new();
-    let html = page(&robot, &Diagnosis { report, traces }).to_html();
+    let html = page(&robot, &Diagnosis { report, traces }, None).to_html();
     assert!(html.contains(
         "2 of 2 joints have a gap, the largest joint2 with 4.00 Nm rms, of which Coulomb friction 0.80 Nm is 96 %"
     ));

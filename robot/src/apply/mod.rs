@@ -1,0 +1,255 @@
+//! Effects written where other simulators read them: into the user's own MuJoCo model or URDF, or as actuators of Isaac Lab.
+
+mod assets;
+mod isaaclab;
+mod mjcf;
+mod text;
+mod urdf;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::description::Description;
+use crate::error::RobotError;
+use crate::file::RobotFile;
+use crate::robot::load_raw;
+use crate::{Effect, Robot, RobotJoint, Source};
+
+/// Whose file is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Simulator {
+    /// MuJoCo's model.
+    Mjcf,
+    /// URDF.
+    Urdf,
+    /// Actuators of Isaac Lab, as Python text.
+    IsaacLab,
+}
+
+impl Simulator {
+    /// What people call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mjcf => "MJCF",
+            Self::Urdf => "URDF",
+            Self::IsaacLab => "Isaac Lab",
+        }
+    }
+
+    fn description(self) -> Option<Description> {
+        match self {
+            Self::Mjcf => Some(Description::Mjcf),
+            Self::Urdf => Some(Description::Urdf),
+            Self::IsaacLab => None,
+        }
+    }
+}
+
+/// What became of an effect.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Outcome {
+    /// It is written; in words, what was changed.
+    Written(String),
+    /// Something of it is written, and what is not.
+    InPart(String, String),
+    /// The format has no words for it, and why.
+    Cannot(String),
+}
+
+/// A simulator's file to which effects are added.
+pub struct SimulatorFile {
+    inner: Box<dyn Takes>,
+    /// What of the robot file itself is not in it, in sentences.
+    pub notes: Vec<String>,
+}
+
+/// What each format does.
+trait Takes {
+    /// `joint` is the index of the robot's; `None` for the whole arm.
+    fn add(&mut self, joint: Option<usize>, effect: &Effect) -> Outcome;
+
+    fn text(&self) -> Result<String, RobotError>;
+}
+
+impl SimulatorFile {
+    /// The file for a robot, with what the robot's own file says of its joints. `name_or_path` is where the robot comes from:
+    /// a model of that simulator, which is then taken as it stands, or anything else, which is converted. It will be written
+    /// to `out`, and files that it names are named from there.
+    ///
+    /// # Errors
+    /// [`RobotError`] if the model cannot be read.
+    pub fn of(
+        robot: &Robot,
+        name_or_path: &str,
+        simulator: Simulator,
+        out: &Path,
+    ) -> Result<Self, RobotError> {
+        let base = base(name_or_path, simulator)?;
+        let is_converted = base.is_none() && simulator != Simulator::IsaacLab;
+        let mut notes = Vec::new();
+        let (text, path) = match base {
+            Some((text, path)) => (assets::named_from(simulator, text, &path, out)?, path),
+            None => {
+                let written = match simulator {
+                    Simulator::Mjcf => Some(robot.to_mjcf()),
+                    Simulator::Urdf => Some(robot.to_urdf()),
+                    Simulator::IsaacLab => None,
+                };
+                let written = written.map(|written| {
+                    notes.extend(written.left_out);
+                    written.text
+                });
+                (written.unwrap_or_default(), out.to_owned())
+            }
+        };
+        let mut inner: Box<dyn Takes> = match simulator {
+            Simulator::Mjcf => Box::new(mjcf::MjcfFile::of(robot, text, &path)?),
+            Simulator::Urdf => Box::new(urdf::UrdfFile::of(robot, text, &path)?),
+            Simulator::IsaacLab => Box::new(isaaclab::IsaacLabFile::of(robot)),
+        };
+        notes.extend(own_effects(robot, simulator, is_converted, inner.as_mut()));
+        notes.sort();
+        notes.dedup();
+        Ok(Self { inner, notes })
+    }
+
+    /// Adds an effect to a joint of the robot, by its index, or to the whole arm.
+    pub fn add(&mut self, joint: Option<usize>, effect: &Effect) -> Outcome {
+        self.inner.add(joint, effect)
+    }
+
+    /// The text with everything that could be said.
+    ///
+    /// # Errors
+    /// [`RobotError`] if the text that was read is not valid any more, which it always is.
+    pub fn text(&self) -> Result<String, RobotError> {
+        self.inner.text()
+    }
+}
+
+/// Adds what the robot file says beside the model, and tells what the simulator has no words for. What was converted has the
+/// bodies' effects already, and told what it left out.
+fn own_effects(
+    robot: &Robot,
+    simulator: Simulator,
+    is_converted: bool,
+    file: &mut dyn Takes,
+) -> Vec<String> {
+    let mut notes = Vec::new();
+    let mut note = |of: &str, unsaid: &[&str]| {
+        if !unsaid.is_empty() && !is_converted {
+            notes.push(format!(
+                "{of}: the robot file's {} cannot be said in {}",
+                unsaid.join(", "),
+                simulator.name()
+            ));
+        }
+    };
+    let mut is_unsaid = |joint: Option<usize>, effect: &Effect| {
+        let in_bodies = matches!(effect, Effect::LinkInertia { .. }) || effect.is_whole_arm();
+        !(is_converted && in_bodies) && matches!(file.add(joint, effect), Outcome::Cannot(_))
+    };
+    for (index, joint) in robot.joints.iter().enumerate() {
+        let effects = joint.effects.iter();
+        let effects = effects.filter(|effect| is_unsaid(Some(index), effect));
+        let mut unsaid: Vec<&str> = effects.map(Effect::name).chain(tables(joint)).collect();
+        if simulator == Simulator::Urdf && joint.rotor_inertia_kg_m2 != 0.0 {
+            unsaid.push("rotor inertia");
+        }
+        note(&joint.name, &unsaid);
+    }
+    let shared = robot.shared_effects.iter();
+    let shared = shared.filter(|effect| is_unsaid(None, effect));
+    let unsaid: Vec<&str> = shared.map(Effect::name).collect();
+    note(&robot.name, &unsaid);
+    notes
+}
+
+/// Whether two values are not the same but for rounding.
+fn differs(a: f64, b: f64) -> bool {
+    (a - b).abs() > 1e-9 * a.abs().max(b.abs())
+}
+
+fn tables(joint: &RobotJoint) -> impl Iterator<Item = &'static str> {
+    let tables = [
+        (joint.direction_friction.is_some(), "direction_friction"),
+        (joint.load_torque.is_some(), "load_torque"),
+        (joint.friction_table.is_some(), "friction_table"),
+        (!joint.torque_tables.is_empty(), "torque_tables"),
+    ];
+    tables
+        .into_iter()
+        .filter_map(|(is_there, name)| is_there.then_some(name))
+}
+
+/// The model of that simulator from which the robot comes, and where it lies.
+fn base(name_or_path: &str, simulator: Simulator) -> Result<Option<(String, PathBuf)>, RobotError> {
+    let Some(wanted) = simulator.description() else {
+        return Ok(None);
+    };
+    let (text, source) = load_raw(name_or_path)?;
+    let Source::File(path) = source else {
+        return Ok(None);
+    };
+    if let Some(own) = Description::of(&text, name_or_path)? {
+        return Ok((own == wanted).then_some((text, path)));
+    }
+    let file = RobotFile::parse(&text, name_or_path)?;
+    let named = match wanted {
+        Description::Mjcf => file.mjcf,
+        Description::Urdf => file.urdf,
+    };
+    let Some(named) = named else {
+        return Ok(None);
+    };
+    let whole = path.parent().unwrap_or(Path::new("")).join(&named);
+    let as_what = format!("{} = {named:?}", wanted.key());
+    let text = crate::build::read_beside(&whole, name_or_path, &as_what)?;
+    Ok(Some((text, whole)))
+}
+
+/// What joints of the robot file say in the terms that simulators share. Everything is at the joint.
+#[derive(Clone, Debug, Default)]
+struct Sums {
+    coulomb_nm: f64,
+    viscous_nm_s_rad: f64,
+    quadratic_nm_s2_rad2: f64,
+    /// Springs and constant torques: stiffness, and torque at zero in the joint's positive direction.
+    stiffness_nm_rad: f64,
+    torque_at_zero_nm: f64,
+    armature_kg_m2: f64,
+    torque_gain: f64,
+    limit_nm: Option<f64>,
+    delay_s: f64,
+}
+
+impl Sums {
+    /// Of a joint without its effects.
+    fn of(joint: &RobotJoint) -> Self {
+        let ratio = joint.gear_ratio.abs();
+        Self {
+            armature_kg_m2: joint.rotor_inertia_kg_m2 * ratio * ratio,
+            torque_gain: 1.0,
+            limit_nm: joint.torque_limit_nm.map(|limit_nm| limit_nm * ratio),
+            ..Self::default()
+        }
+    }
+}
+
+/// Six digits: more than a fit is worth.
+fn short(value: f64) -> String {
+    let value: f64 = format!("{value:.5e}").parse().unwrap_or(value);
+    value.to_string()
+}
+
+/// Words for a change of a value.
+fn changed(key: &str, before: f64, after: f64) -> String {
+    format!("{key} {} -> {}", short(before), short(after))
+}
+
+/// The folder of a path, as the system knows it.
+fn folder(path: &Path) -> PathBuf {
+    let parent = path.parent().filter(|parent| *parent != Path::new(""));
+    let parent = parent.unwrap_or(Path::new("."));
+    fs::canonicalize(parent).unwrap_or_else(|_| parent.to_owned())
+}

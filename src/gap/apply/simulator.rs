@@ -1,0 +1,261 @@
+//! `gap apply --format mjcf|urdf|isaaclab`: the effects where the user's simulator reads them, and what it cannot say with the
+//! share of the gap that this is.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use gap_diagnosis::report::Report;
+use robot::{Effect, Outcome, Simulator, SimulatorFile};
+use serde::Serialize;
+
+use super::{check_name, names_nothing, to_effect};
+use crate::cli::GapApplyArguments;
+use crate::error::CliError;
+use crate::gap::page::words::percent;
+use crate::output::{print, write_json, write_text};
+
+/// What became of one effect of one joint.
+#[derive(Debug, Serialize)]
+struct Said {
+    /// None for the whole arm.
+    joint: Option<String>,
+    effect: &'static str,
+    /// Of its joint's gap; of an effect of the whole arm the mean over its joints.
+    share: f64,
+    /// What was changed; none where nothing could be.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    done: Option<String>,
+    /// What the format cannot say of it, and why.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cannot_say: Option<String>,
+}
+
+/// How much of a joint's gap the new file holds.
+#[derive(Debug, Default, PartialEq, Serialize)]
+struct JointShares {
+    joint: String,
+    written: f64,
+    written_in_part: f64,
+    cannot_say: f64,
+    /// What has no name.
+    no_name: f64,
+}
+
+/// For programs.
+#[derive(Serialize)]
+struct Applied<'a> {
+    schema: u32,
+    format: &'static str,
+    file: &'a Path,
+    effects: &'a [Said],
+    joints: &'a [JointShares],
+    /// What of the robot file itself the format cannot say.
+    notes: &'a [String],
+}
+
+/// Reads the robot, writes the file, tells what is in it and what is not.
+///
+/// # Errors
+/// [`CliError::Input`] for bad input, [`CliError::Negative`] if there is nothing that can be written.
+pub fn apply(
+    arguments: &GapApplyArguments,
+    report: &Report,
+    simulator: Simulator,
+) -> Result<(), CliError> {
+    if arguments.remaining {
+        return Err(CliError::Input(format!(
+            "--remaining: {} has no torque tables; leave it out, or write a robot file with --format toml",
+            simulator.name()
+        )));
+    }
+    let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
+    check_name(arguments, report, &robot.name)?;
+    let names: Vec<&str> = report
+        .joints
+        .iter()
+        .map(|joint| joint.joint.as_str())
+        .collect();
+    if let Some(unknown) = names.iter().find(|name| robot.joint_index(name).is_none()) {
+        return Err(CliError::Input(format!(
+            "{}: joint `{unknown}` is not in {}; give the robot file that was diagnosed",
+            arguments.report.display(),
+            arguments.robot
+        )));
+    }
+    // payloads are in the frame of the last joint that was diagnosed
+    let robot = robot.moving_only(&names).map_err(CliError::input)?;
+    let mut file = SimulatorFile::of(&robot, &arguments.robot, simulator, &arguments.out)
+        .map_err(CliError::input)?;
+    let refuse =
+        |reason: String| CliError::Input(format!("{}: {reason}", arguments.report.display()));
+    let effects = add_all(&mut file, report, &|name| robot.joint_index(name)).map_err(refuse)?;
+    if effects.is_empty() {
+        return Err(names_nothing(arguments));
+    }
+    let joints = shares(report, &effects);
+    if effects.iter().all(|said| said.done.is_none()) {
+        let first = effects.iter().find_map(|said| said.cannot_say.as_deref());
+        return Err(CliError::Negative(format!(
+            "{}: nothing of what it names can be said in {}: {}",
+            arguments.report.display(),
+            simulator.name(),
+            first.unwrap_or_default()
+        )));
+    }
+    let text = file.text().map_err(CliError::input)?;
+    write_text(&arguments.out, &text)?;
+    if let Some(path) = &arguments.json {
+        let applied = Applied {
+            schema: 1,
+            format: simulator.name(),
+            file: &arguments.out,
+            effects: &effects,
+            joints: &joints,
+            notes: &file.notes,
+        };
+        write_json(&applied, path)?;
+        if path == Path::new("-") {
+            return Ok(());
+        }
+    }
+    let told = told(&effects, &joints, &file.notes, simulator);
+    print(&format!(
+        "{told}{}: {}\n",
+        simulator.name(),
+        arguments.out.display()
+    ))
+}
+
+/// Adds every effect that the report names, those of the whole arm first.
+fn add_all(
+    file: &mut SimulatorFile,
+    report: &Report,
+    index: &dyn Fn(&str) -> Option<usize>,
+) -> Result<Vec<Said>, String> {
+    let mut all = Vec::new();
+    let mut add = |joint: Option<&str>, effect: &Effect, share: f64| {
+        let outcome = file.add(joint.and_then(index), effect);
+        let (done, cannot_say) = match outcome {
+            Outcome::Written(done) => (Some(done), None),
+            Outcome::InPart(done, missing) => (Some(done), Some(missing)),
+            Outcome::Cannot(why) => (None, Some(why)),
+        };
+        all.push(Said {
+            joint: joint.map(str::to_owned),
+            effect: effect.name(),
+            share,
+            done,
+            cannot_say,
+        });
+    };
+    for shared in &report.shared_effects {
+        let effect = to_effect(&shared.effect)?;
+        if effect.may_be_shared() {
+            add(None, &effect, shared.effect.share);
+            continue;
+        }
+        for joint in &shared.joints {
+            let share = shared.joint_shares.get(joint);
+            add(Some(joint), &effect, share.map_or(0.0, |share| share.share));
+        }
+    }
+    for joint in &report.joints {
+        // all were fitted together: without the small ones the large ones are wrong
+        for found in joint.named() {
+            add(Some(&joint.joint), &to_effect(found)?, found.share);
+        }
+    }
+    Ok(all)
+}
+
+/// How much of each joint's gap is in the file; of joints that have one.
+fn shares(report: &Report, effects: &[Said]) -> Vec<JointShares> {
+    let mut all = Vec::new();
+    for joint in &report.joints {
+        let mut shares = JointShares {
+            joint: joint.joint.clone(),
+            no_name: joint.remaining_share,
+            ..JointShares::default()
+        };
+        for said in effects {
+            let share = match &said.joint {
+                Some(own) if *own == joint.joint => said.share,
+                Some(_) => continue,
+                None => shared_share(report, said.effect, &joint.joint),
+            };
+            match (&said.done, &said.cannot_say) {
+                (Some(_), None) => shares.written += share,
+                (Some(_), Some(_)) => shares.written_in_part += share,
+                (None, _) => shares.cannot_say += share,
+            }
+        }
+        let is_told = shares.written != 0.0
+            || shares.written_in_part != 0.0
+            || shares.cannot_say != 0.0
+            || shares.no_name != 0.0;
+        if is_told {
+            all.push(shares);
+        }
+    }
+    all
+}
+
+fn shared_share(report: &Report, effect: &str, joint: &str) -> f64 {
+    let shared = report.shared_effects.iter();
+    let own = shared.filter(|shared| shared.effect.effect == effect);
+    own.filter_map(|shared| Some(shared.joint_shares.get(joint)?.share))
+        .sum()
+}
+
+fn told(
+    effects: &[Said],
+    joints: &[JointShares],
+    notes: &[String],
+    simulator: Simulator,
+) -> String {
+    let mut text = String::new();
+    let format = simulator.name();
+    for said in effects {
+        let on = said.joint.as_deref().unwrap_or("arm");
+        let of = format!("{} % of the gap", percent(said.share));
+        let _ = match (&said.done, &said.cannot_say) {
+            (Some(done), None) => writeln!(text, "{on}: {}: {done} ({of})", said.effect),
+            (Some(done), Some(missing)) => {
+                writeln!(
+                    text,
+                    "{on}: {}: {done}, in part ({of}): {missing}",
+                    said.effect
+                )
+            }
+            (None, why) => writeln!(
+                text,
+                "{on}: {}: not in {format} ({of}): {}",
+                said.effect,
+                why.as_deref().unwrap_or_default()
+            ),
+        };
+    }
+    for shares in joints {
+        let mut parts = vec![format!(
+            "{} % of the gap is written",
+            percent(shares.written)
+        )];
+        let others = [
+            (shares.written_in_part, "in part".to_owned()),
+            (shares.cannot_say, format!("cannot be said in {format}")),
+            (shares.no_name, "has no name".to_owned()),
+        ];
+        let others = others
+            .into_iter()
+            .filter(|(share, _)| share.abs() >= WORTH_A_WORD);
+        parts.extend(others.map(|(share, words)| format!("{} % {words}", percent(share))));
+        let _ = writeln!(text, "{}: {}", shares.joint, parts.join(", "));
+    }
+    for note in notes {
+        let _ = writeln!(text, "{note}");
+    }
+    text
+}
+
+/// Half of the last per cent that is shown.
+const WORTH_A_WORD: f64 = 0.005;
