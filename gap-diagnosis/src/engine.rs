@@ -41,8 +41,8 @@ impl Default for Options {
 }
 
 impl Engine {
-    /// The one that a robot file and recordings call for: a simulation needs the controller, what the encoders show, and a torque to
-    /// hold against it. Without them it would be made up.
+    /// The one that a robot file and recordings call for: a simulation needs what the encoders show, the controller or the joints' own
+    /// friction, and a torque to hold against it. Without them it would be made up.
     pub fn for_robot(robot: &Robot, recordings: &[(String, Recording)]) -> Self {
         let tells_encoder = |joint: &RobotJoint| {
             joint.motor_encoder_resolution_rad.is_some()
@@ -59,12 +59,17 @@ impl Engine {
                 })
             })
         };
-        let is_told = control::is_known(robot)
+        // a joint that rubs does so at rest and in motion; a file that states one of both guesses
+        let rubs = |joint: &RobotJoint| {
+            let states = |name: &str| joint.effects.iter().any(|effect| effect.name() == name);
+            states("coulomb_friction") && states("viscous_friction")
+        };
+        let is_told = (control::is_known(robot) || robot.joints.iter().all(rubs))
             && robot.check_fits_loop().is_ok()
             && robot.joints.iter().all(tells_encoder)
             && robot.joints.iter().any(has_torque);
         if is_told {
-            Self::Simulation
+            Self::ClosedLoop
         } else {
             Self::Motion
         }

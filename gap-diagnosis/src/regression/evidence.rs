@@ -113,6 +113,8 @@ pub struct Evidence {
     settled: Vec<Settled>,
     /// Prior of the items' columns.
     lift: Vec<f64>,
+    /// All parts but one.
+    trains: Vec<Sums>,
     reduced: Vec<Reduced>,
     whole: Reduced,
 }
@@ -260,6 +262,7 @@ impl Evidence {
             shared,
             shared_columns,
             lift: Vec::new(),
+            trains: Vec::new(),
             reduced: Vec::new(),
             whole: Reduced::empty(),
         }
@@ -375,14 +378,19 @@ impl Evidence {
         self.lift = self.lift();
         let lift = &self.lift;
         self.whole = Reduced::of(&total, &[], &prior, lift);
-        self.reduced = (0..PARTS)
+        self.trains = (0..PARTS)
             .map(|part| {
                 let mut train = total.clone();
                 for (of_span, factor) in self.parts.iter().zip(&relative) {
                     train.add(&of_span[part], -factor);
                 }
+                train
+            })
+            .collect();
+        self.reduced = (0..PARTS)
+            .map(|part| {
                 let tests: Vec<&Sums> = self.parts.iter().map(|of_span| &of_span[part]).collect();
-                Reduced::of(&train, &tests, &prior, lift)
+                Reduced::of(&self.trains[part], &tests, &prior, lift)
             })
             .collect();
     }
@@ -596,20 +604,43 @@ impl Evidence {
         rest.rows(0, tolerated).norm_squared() + of_laws
     }
 
-    /// Sums of squares that a set leaves out, with the file's values held by what that set leaves: where the best set leaves next to
-    /// nothing, what is left without it would move them by any number of deviations.
-    pub fn left_by_itself(&self, names: Names) -> [f64; PARTS] {
-        /// Rounds until what is left and what it lets the values move agree to a hundredth.
-        const ROUNDS: usize = 3;
-        let mut own = self.clone();
-        for _ in 0..ROUNDS {
-            let left = own.mean_squares(names);
-            for (settled, left) in own.settled.iter_mut().zip(left) {
-                settled.variance = settled.variance.max(left + settled.floor);
-            }
-            own.eliminate();
-        }
-        own.scored(names).left
+    /// What the file's values, and the arm's shared cause, come to beside a set.
+    pub fn values_beside(&self, names: Names) -> Vec<f64> {
+        let places = self.places(names);
+        let rest = self.whole.rest_of(&places, &self.whole.values(&places));
+        rest.iter().copied().collect()
+    }
+
+    /// Sums of squares that a set leaves out, part by part, with the columns in every set held at these values; those that are not told are
+    /// none.
+    pub fn left_at(&self, names: Names, beside: &[f64]) -> [f64; PARTS] {
+        let places = self.places(names);
+        let held: Vec<(usize, f64)> = (self.law_columns..self.columns.len())
+            .zip(beside.iter().copied())
+            .collect();
+        std::array::from_fn(|part| {
+            let train = &self.trains[part];
+            let count = places.len();
+            let matrix = DMatrix::from_fn(count, count, |i, j| {
+                let lift = if i == j { self.lift[places[i]] } else { 0.0 };
+                train.gram[(places[i], places[j])] + lift
+            });
+            let vector = DVector::from_fn(count, |i, _| {
+                let taken = held.iter();
+                let taken = taken.map(|(at, value)| value * train.gram[(places[i], *at)]);
+                train.vector[places[i]] - taken.sum::<f64>()
+            });
+            let values = match matrix.cholesky() {
+                Some(solved) => solved.solve(&vector),
+                None => DVector::zeros(count),
+            };
+            let own = places.iter().copied().zip(values.iter().copied());
+            let all: Vec<(usize, f64)> = own.chain(held.iter().copied()).collect();
+            let spans = self.parts.iter().zip(self.energies());
+            spans
+                .map(|(of_span, factor)| factor * of_span[part].left_by(&all))
+                .sum()
+        })
     }
 
     /// Sum of a column's squares, in the units of [`Scored::left`].
@@ -769,6 +800,18 @@ impl Sums {
             square: 0.0,
             rows: 0.0,
         }
+    }
+
+    /// Sum of squares that columns at these values leave.
+    fn left_by(&self, values: &[(usize, f64)]) -> f64 {
+        let mut left = self.square;
+        for (place, value) in values {
+            left -= 2.0 * value * self.vector[*place];
+            for (other, beside) in values {
+                left += value * self.gram[(*place, *other)] * beside;
+            }
+        }
+        left.max(0.0)
     }
 
     fn add(&mut self, other: &Self, factor: f64) {

@@ -113,10 +113,11 @@ impl Found<'_> {
             .collect()
     }
 
-    /// `by_itself`: with the file's values held by what each set of players leaves.
-    fn game(&self, scored: &Scored, by_itself: bool) -> Game {
+    /// What each name takes off, of what the file's values, and the shared cause as it is here, leave beside all of them.
+    fn game(&self, scored: &Scored) -> Game {
         let players = self.players(scored);
         let count = players.len() + usize::from(self.shared.is_some());
+        let beside = self.evidence.values_beside(scored.names);
         let left = (0..1_usize << count).map(|set| {
             let chosen = players.iter().enumerate();
             let names = chosen
@@ -128,11 +129,7 @@ impl Found<'_> {
             } else {
                 self.alone
             };
-            if by_itself {
-                evidence.left_by_itself(names)
-            } else {
-                evidence.scored(names).left
-            }
+            evidence.left_at(names, &beside)
         });
         Game {
             left: left.collect(),
@@ -145,7 +142,8 @@ impl Found<'_> {
     pub fn said(&self, others: &[Vec<f64>]) -> Said {
         let best = self.sets[0];
         let fit = self.evidence.fit(best.names);
-        let shares = self.game(&best, true).shares();
+        let game = self.game(&best);
+        let shares = game.shares();
         let weights = self.weights();
         let effects = self.effects(&fit, &shares, &weights);
         let (effects, minor_effects): (Vec<_>, Vec<_>) =
@@ -171,7 +169,7 @@ impl Found<'_> {
             .collect();
         let rows = self.rows.len() as f64;
         let noise = self.noise_square / rows;
-        let nothing = self.alone.scored(0).left.iter().sum::<f64>() / rows - noise;
+        let nothing = game.left[0].iter().sum::<f64>() / rows - noise;
         let left = best.left.iter().sum::<f64>() / rows - noise;
         let remaining_over = super::remaining::over(
             self.rows,
@@ -187,7 +185,7 @@ impl Found<'_> {
         let candidates = self.candidates(&weights, &shares, is_quiet);
         let taken: f64 = effects.iter().map(|effect| effect.share).sum::<f64>()
             + shared.map_or(0.0, |shared| shared.value);
-        let gap = self.gap(&best, &shares, &gap_nm);
+        let gap = self.gap(&best, &shares, &gap_nm, nothing);
         let has_names = !effects.is_empty() || shared.is_some_and(|s| s.value >= self.materiality);
         let confusable = self.confusable(&best);
         let is_sure = is_sure(&candidates, &confusable);
@@ -288,7 +286,7 @@ impl Found<'_> {
             let shares = if rank == 0 {
                 of_best
             } else {
-                fresh = self.game(set, false).shares();
+                fresh = self.game(set).shares();
                 &fresh
             };
             let players = self.players(set);
@@ -426,15 +424,15 @@ impl Found<'_> {
             .filter(|(_, apart)| *apart <= ALIKE)
     }
 
-    fn gap(&self, best: &Scored, shares: &Shares, gap_nm: &[f64]) -> Gap {
+    /// `above`: mean square above the noise that shares are parts of.
+    fn gap(&self, best: &Scored, shares: &Shares, gap_nm: &[f64], above: f64) -> Gap {
         let rows = self.rows.len().max(1) as f64;
         let before = gap_nm.iter().map(|x| x * x).sum::<f64>() / rows;
         let after = best.left.iter().sum::<f64>() / rows;
         let noise = self.noise_square / rows;
         let shrink = |after: f64| 1.0 - (after - noise) / (before - noise).max(f64::MIN_POSITIVE);
-        let all = self.alone.scored(0).left.iter().sum::<f64>() / rows;
         // the interval is of what the names take; the file's tolerances come off before
-        let with = |remaining: f64| shrink(remaining * (all - noise) + noise);
+        let with = |remaining: f64| shrink(remaining * above + noise);
         Gap {
             torque_rms_nm: BeforeAfter {
                 before: before.sqrt(),
