@@ -54,6 +54,8 @@ fn of_report(path: &Path, robot: &Robot) -> Result<Vec<Question>, CliError> {
     let report = read_report(path)?;
     let refuse = |reason: String| CliError::Input(format!("{}: {reason}", path.display()));
     let mut found = Vec::new();
+    // names that could take the place of what would take a told one's place
+    let mut of_no_size = None;
     for joint in &report.joints {
         let index = robot.joint_index(&joint.joint).ok_or_else(|| {
             let name = &joint.joint;
@@ -66,13 +68,15 @@ fn of_report(path: &Path, robot: &Robot) -> Result<Vec<Question>, CliError> {
                 size(&report, joint, &pair.effects[0]).map_err(refuse)?,
                 size(&report, joint, &pair.effects[1]).map_err(refuse)?,
             ];
-            let is_unknown = sizes.iter().all(Option::is_none);
-            if is_unknown {
+            if sizes.iter().all(Option::is_none) {
                 let [one, other] = &pair.effects;
-                return Err(refuse(format!(
-                    "{}: says neither how large {one} nor how large {other} is; give both with --effects",
-                    joint.joint
-                )));
+                of_no_size.get_or_insert_with(|| {
+                    format!(
+                        "{}: says neither how large {one} nor how large {other} is; give both with --effects",
+                        joint.joint
+                    )
+                });
+                continue;
             }
             found.push(Question {
                 joint: index,
@@ -81,6 +85,9 @@ fn of_report(path: &Path, robot: &Robot) -> Result<Vec<Question>, CliError> {
                 distance_now: Some(pair.distance),
             });
         }
+    }
+    if let Some(reason) = of_no_size.filter(|_| found.is_empty()) {
+        return Err(refuse(reason));
     }
     if found.is_empty() {
         return Err(CliError::Negative(format!(
