@@ -45,6 +45,10 @@ impl Form for MotorEccentricity {
     fn repeats_with(&self) -> Option<Turn> {
         Some(Turn::Motor)
     }
+
+    fn is_felt(&self) -> bool {
+        true
+    }
 }
 
 /// After the gear.
@@ -71,5 +75,9 @@ impl Form for LinkEccentricity {
 
     fn repeats_with(&self) -> Option<Turn> {
         Some(Turn::Link)
+    }
+
+    fn is_felt(&self) -> bool {
+        true
     }
 }

@@ -38,4 +38,8 @@ impl Form for KinematicError {
     fn has_harmonics(&self) -> bool {
         true
     }
+
+    fn is_felt(&self) -> bool {
+        true
+    }
 }

@@ -3,7 +3,7 @@
 
 use robot::Effect;
 
-use super::form::{COMPLIANCE_STEP, Form};
+use super::form::{COMPLIANCE_STEP, Form, Series, Twist};
 use crate::scale::Scale;
 
 #[derive(Debug)]
@@ -41,5 +41,17 @@ impl Form for SoftWindup {
 
     fn is_positive(&self) -> bool {
         true
+    }
+
+    fn twist(&self) -> Option<Twist> {
+        Some(Twist::Gives)
+    }
+
+    fn is_felt(&self) -> bool {
+        true
+    }
+
+    fn series(&self) -> &'static [Series] {
+        &[Series::Twist]
     }
 }

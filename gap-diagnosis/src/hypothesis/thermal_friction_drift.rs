@@ -25,6 +25,10 @@ impl Form for ConstantDrift {
             change_nm: None,
         }
     }
+
+    fn is_slow(&self) -> bool {
+        true
+    }
 }
 
 #[derive(Debug)]
@@ -49,5 +53,14 @@ impl Form for FirstOrderDrift {
 
     fn shape_range(&self, _: &Scale) -> [f64; 2] {
         [1.0, 300.0]
+    }
+
+    /// In what a joint does as it sets out.
+    fn ends_below(&self) -> bool {
+        true
+    }
+
+    fn is_slow(&self) -> bool {
+        true
     }
 }

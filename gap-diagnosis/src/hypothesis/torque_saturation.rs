@@ -46,4 +46,8 @@ impl Form for TorqueSaturation {
     fn is_switch(&self) -> bool {
         true
     }
+
+    fn may_be_once(&self) -> bool {
+        true
+    }
 }
