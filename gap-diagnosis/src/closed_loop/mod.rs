@@ -24,6 +24,7 @@ use crate::found::Found as Counted;
 use crate::observe::Channel;
 use crate::on_all_cores::OnAllCores;
 use crate::regression::evidence::{Evidence, Problem, Scored};
+use crate::regression::remaining;
 use crate::regression::rows::JointRows;
 use crate::regression::shares::Interval;
 use crate::regression::told::{FLOOR, Found, Said};
@@ -126,7 +127,7 @@ impl<'a> Joint<'a> {
     }
 
     fn weighed(&self, about: About, of_arm: Option<&OfArm>) -> Explained {
-        let evidence = about.evidence(&self.compared, of_arm, Evidence::of);
+        let evidence = about.evidence(&self.compared, &[], of_arm, Evidence::of);
         let sets = evidence.best(|fit| about.is_possible(&self.search, fit));
         Explained {
             about,
@@ -154,7 +155,34 @@ impl<'a> Joint<'a> {
             }
             explained = self.weighed(about, of_arm);
         }
+        self.take_back_imitations(&mut explained, of_arm)?;
         Ok(explained)
+    }
+
+    /// Takes back names whose part of the gap a smooth law on no list explains better.
+    fn take_back_imitations(
+        &self,
+        explained: &mut Explained,
+        of_arm: Option<&OfArm>,
+    ) -> Result<(), FilterError> {
+        let Explained {
+            about,
+            evidence,
+            sets,
+        } = explained;
+        let rows = self.rows()?;
+        let rivals = remaining::rivals(&rows).into_iter().map(|smooth| {
+            let columns = smooth.iter().map(|column| self.compared.of_motor(column));
+            let columns: Vec<Vec<f64>> = columns.collect();
+            let beside = |problem: &Problem<'_>| Evidence::beside(problem, evidence);
+            about.evidence(&self.compared, &columns, of_arm, beside)
+        });
+        let (_, names) = remaining::without_imitations(rivals, sets[0].names);
+        if names != sets[0].names {
+            remaining::take_back(sets, evidence, names);
+            about.model = about.told(&self.search, &evidence.fit(names));
+        }
+        Ok(())
     }
 
     /// Of the first few sets of different names the one that leaves least where it is simulated; none if that has no names.
@@ -277,7 +305,7 @@ impl<'a> Joint<'a> {
         let is_at_floor = above.all(|(left, settled)| *left <= FLOOR.powi(2) * settled.floor);
         let without_cause = |_| {
             let beside = |problem: &Problem<'_>| Evidence::beside(problem, &explained.evidence);
-            explained.about.evidence(&self.compared, None, beside)
+            explained.about.evidence(&self.compared, &[], None, beside)
         };
         let alone = arm.shared.map(without_cause);
         let called = Responses {
@@ -304,10 +332,15 @@ impl<'a> Joint<'a> {
             mut report, shared, ..
         } = found.said(&self.others_moving());
         report.gap = self.gap(&report, &gap_nm, left[0]);
-        let evidence = &explained.evidence;
-        let all = evidence.square(&gap_nm);
-        let without: f64 = evidence.scored(0).left.iter().sum();
-        let settled_share = (1.0 - without / all.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let settled_share = self.settled_share(explained, &gap_nm);
+        let shared = shared.map(|share| {
+            let rest = 1.0 - settled_share;
+            Interval {
+                value: rest * share.value,
+                low: rest * share.low,
+                high: rest * share.high,
+            }
+        });
         let is_common = |found: &Counted| {
             let common = arm.common;
             common.is_some_and(|common| common.is_seen_as(found, self.index))
@@ -322,6 +355,27 @@ impl<'a> Joint<'a> {
             shared,
             settled_share,
         })
+    }
+
+    /// Part of the gap that delay and lag take, beside what the file's values are in the end.
+    fn settled_share(&self, explained: &Explained, gap_nm: &[f64]) -> f64 {
+        if self.settled.is_empty() {
+            return 0.0;
+        }
+        let Explained {
+            about,
+            evidence,
+            sets,
+        } = explained;
+        let beside = evidence.values_beside(sets[0].names);
+        let mut without_nm = gap_nm.to_vec();
+        for (column, value) in about.known.iter().zip(&beside) {
+            let rows = without_nm.iter_mut().zip(column);
+            rows.for_each(|(row, x)| *row -= value * x);
+        }
+        let with: f64 = evidence.left_at(0, &beside).iter().sum();
+        let without = evidence.square(&without_nm);
+        (1.0 - with / without.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
     }
 
     /// Of the motor's torque.

@@ -123,7 +123,8 @@ fn bent(time_s: &[f64]) -> Vec<Vec<f64>> {
 /// is not among them: where joints move together it stands for any law of this one.
 pub fn rivals(rows: &JointRows) -> Vec<Vec<Vec<f64>>> {
     // all corners together are Coulomb friction, and a constant is an offset
-    [since_reversal(rows), bent(&rows.time_s)]
+    let (_, over_position, _) = hats(Remains::Position, &rows.position_rad);
+    [since_reversal(rows), bent(&rows.time_s), over_position]
         .into_iter()
         .map(|columns| columns.into_iter().skip(1).collect::<Vec<_>>())
         .filter(|columns| !columns.is_empty())

@@ -99,11 +99,13 @@ impl Game {
 
     /// Each player's share, then what remains; none of a gap that is within the noise.
     fn with(&self, parts: &[usize; PARTS]) -> Option<Vec<f64>> {
-        let gap = self.sum(0, parts) - self.noise;
+        let everyone = (1 << self.players) - 1;
+        // what is left below the noise is as good as nothing, and no less
+        let noise = self.noise.min(self.sum(everyone, parts));
+        let gap = self.sum(0, parts) - noise;
         if gap <= 0.0 {
             return None;
         }
-        let everyone = (1 << self.players) - 1;
         let mut all: Vec<f64> = (0..self.players)
             .map(|player| {
                 let others = (0..=everyone).filter(|set| set & (1 << player) == 0);
@@ -114,7 +116,7 @@ impl Game {
                 each.sum::<f64>() / gap
             })
             .collect();
-        all.push((self.sum(everyone, parts) - self.noise) / gap);
+        all.push((self.sum(everyone, parts) - noise) / gap);
         Some(all)
     }
 }
