@@ -11,6 +11,7 @@
 use std::error::Error;
 use std::path::Path;
 
+use gap_diagnosis::closed_loop::named::refitted;
 use gap_diagnosis::hypothesis::{Hypothesis, Shown, plain};
 use gap_diagnosis::search::{Model, Search, Term};
 use gap_diagnosis::stretch::stretches;
@@ -29,13 +30,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let twin = JointTwin::new(&robot, JOINT, &stretches)?;
     let twin = twin.ok_or("no torque of the first joint is recorded")?;
     let search = Search::new(&twin)?;
-    let alone = search.known_alone(&Model::default())?;
     let size = |residual_nm: &[f64]| {
         let white = search.whitener.apply(residual_nm);
         (white.iter().map(|x| x * x).sum::<f64>() / white.len() as f64).sqrt()
     };
-    let nothing = search.refine(&alone, &Model::default())?;
-    let mut best = (size(&nothing.residual_nm), nothing);
+    let nothing = refitted(&search, &Model::default())?;
+    let mut best = (size(&search.residual_nm(&nothing)?), nothing);
     let shown = Shown {
         joints: search.twin.joints(),
         has_link_encoder: false,
@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 format!("`{name}` is no effect that this recording can be asked for").into(),
             );
         }
-        let so_far = best.1.model.clone();
+        let so_far = best.1.clone();
         best.0 = f64::INFINITY;
         for hypothesis in shapes {
             let mut start = so_far.clone();
@@ -59,15 +59,15 @@ fn main() -> Result<(), Box<dyn Error>> {
                 amplitudes: vec![0.0; hypothesis.amplitudes()],
                 hypothesis,
             });
-            let refined = search.refine(&alone, &start)?;
-            let left = size(&refined.residual_nm);
+            let refined = refitted(&search, &start)?;
+            let left = size(&search.residual_nm(&refined)?);
             if left < best.0 {
                 best = (left, refined);
             }
         }
     }
     let (after, found) = best;
-    for term in &found.model.terms {
+    for term in &found.terms {
         let effect = serde_json::to_value(term.effect(&search.scale))?;
         let fields = effect.as_object().ok_or("an effect is a table")?;
         let entries: Vec<String> = fields

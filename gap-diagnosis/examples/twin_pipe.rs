@@ -20,8 +20,9 @@ use std::error::Error;
 use std::io::{BufRead, Write};
 use std::path::Path;
 
+use gap_diagnosis::closed_loop::named::refitted;
 use gap_diagnosis::hypothesis::{Shown, plain};
-use gap_diagnosis::judge::Squares;
+use gap_diagnosis::judge::mean_square;
 use gap_diagnosis::known::Known;
 use gap_diagnosis::observe::Channel;
 use gap_diagnosis::search::{Model, Search, Term};
@@ -99,7 +100,7 @@ fn residual(search: &Search<'_>, changes: &Changes) -> Result<Vec<f64>, Box<dyn 
 }
 
 fn errors(search: &Search<'_>, changes: &Changes) -> Result<[f64; 2], Box<dyn Error>> {
-    let torque = Squares::of(search, &left_nm(search, changes)?, Channel::Motor);
+    let torque = mean_square(search, &left_nm(search, changes)?, Channel::Motor);
     let mut away_rad = Vec::new();
     for (piece, stretch) in search.twin.stretches().into_iter().enumerate() {
         let simulated = search.twin.controlled(piece, changes);
@@ -109,11 +110,10 @@ fn errors(search: &Search<'_>, changes: &Changes) -> Result<[f64; 2], Box<dyn Er
     }
     let square: f64 = away_rad.iter().map(|away_rad| away_rad * away_rad).sum();
     let position_rad = (square / away_rad.len() as f64).sqrt();
-    Ok([torque.mean().sqrt(), position_rad])
+    Ok([torque.sqrt(), position_rad])
 }
 
 fn refit(search: &Search<'_>) -> Result<[f64; 3], Box<dyn Error>> {
-    let round = search.known_alone(&Model::default())?;
     let shown = Shown {
         joints: search.twin.joints(),
         has_link_encoder: false,
@@ -131,7 +131,7 @@ fn refit(search: &Search<'_>) -> Result<[f64; 3], Box<dyn Error>> {
         terms: terms.collect(),
         ..Model::default()
     };
-    let refined = search.refine(&round, &start)?;
+    let fitted = refitted(search, &start)?;
     let value = |term: &Term| match term.effect(&search.scale) {
         Effect::CoulombFriction { coulomb_nm } => [coulomb_nm, 0.0, 0.0],
         Effect::ViscousFriction { viscous_nm_s_rad } => [0.0, viscous_nm_s_rad, 0.0],
@@ -139,7 +139,7 @@ fn refit(search: &Search<'_>) -> Result<[f64; 3], Box<dyn Error>> {
         _ => [0.0; 3],
     };
     let nominal = &search.twin.nominal;
-    let known = search.twin.known.iter().zip(&refined.model.known);
+    let known = search.twin.known.iter().zip(&fitted.known);
     let known = known.map(|(of, deviations)| {
         let part = of.deviation * deviations;
         match of.known {
@@ -152,7 +152,7 @@ fn refit(search: &Search<'_>) -> Result<[f64; 3], Box<dyn Error>> {
             _ => [0.0; 3],
         }
     });
-    let terms = refined.model.terms.iter().map(value);
+    let terms = fitted.terms.iter().map(value);
     Ok(terms
         .chain(known)
         .fold([0.0; 3], |sum, own| [0, 1, 2].map(|k| sum[k] + own[k])))

@@ -8,16 +8,16 @@ use nalgebra::{DMatrix, DVector};
 use recording::Recording;
 use robot::Robot;
 
+use crate::closed_loop::{self, About};
 use crate::diagnose::{DiagnoseError, blank_report, insufficient};
 use crate::judge;
 use crate::mend;
 use crate::observe::Channel;
 use crate::on_all_cores::OnAllCores;
-use crate::rank::Round;
 use crate::report::{
     BeforeAfter, Candidate, Gap, JointReport, NamedEffect, Remaining, Report, Verdict, Where,
 };
-use crate::search::{Model, Search, Term};
+use crate::search::{Search, Term};
 use crate::stretch::stretches;
 use crate::twin::JointTwin;
 
@@ -62,29 +62,29 @@ pub fn baseline(
                 return Ok(insufficient(name, why));
             };
             let search = Search::new(&twin)?;
-            let round = search.first(&Model::of_settled(&search, &[]))?;
-            Ok(told(name, &search, choices(&round, method)))
+            let about = closed_loop::about_the_file(&search)?;
+            Ok(told(name, &search, choices(&about, method)))
         })
         .collect::<Result<Vec<_>, FilterError>>()?;
     Ok(report)
 }
 
-fn choices(round: &Round, method: Baseline) -> Vec<Choice> {
-    let linear = &round.linear;
-    let target = DVector::from_column_slice(&linear.residual_nm);
+fn choices(about: &About, method: Baseline) -> Vec<Choice> {
+    let target = DVector::from_column_slice(&about.gap_nm);
     let beside: &[Vec<f64>] = match method {
         Baseline::LargestR2 => &[],
-        Baseline::Bic => &linear.known.raw_nm,
+        Baseline::Bic => &about.known,
     };
     let rows = target.len() as f64;
     let (without, _) = least_squares(beside, &[], &target);
     let bic = |square: f64, values: usize| {
         -0.5 * (rows * (square / rows).max(1e-300).ln() + values as f64 * rows.ln())
     };
-    let mut all: Vec<Choice> = linear
-        .hypotheses
+    let mut all: Vec<Choice> = about
+        .responses
         .iter()
-        .on_all_cores(|(hypothesis, own)| {
+        .on_all_cores(|response| {
+            let (hypothesis, own) = (&response.term.hypothesis, &response.columns);
             let (left, amplitudes) = least_squares(beside, own, &target);
             Choice {
                 effect: hypothesis.effect,
@@ -166,7 +166,7 @@ fn told(name: &str, search: &Search<'_>, choices: Vec<Choice>) -> JointReport {
         })
         .collect();
     let stage = choices[0].term.as_ref().map(|term| term.hypothesis.stage());
-    let before_nm = judge::Squares::of(search, &search.measured_nm, Channel::Motor).mean();
+    let before_nm = judge::mean_square(search, &search.measured_nm, Channel::Motor);
     JointReport {
         joint: name.to_owned(),
         verdict: if effects.is_empty() {

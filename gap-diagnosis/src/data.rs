@@ -5,7 +5,6 @@ use robot::{Effect, Robot, RobotJoint};
 
 use crate::exchanged;
 use crate::known::Known;
-use crate::refine::Refined;
 use crate::report::DataFinding;
 use crate::search::Search;
 use crate::units;
@@ -94,11 +93,6 @@ impl Checked {
         Self { findings: all }
     }
 
-    /// With what only a diagnosis finds.
-    pub fn add(&mut self, findings: Vec<Finding>) {
-        self.findings.splice(..0, findings);
-    }
-
     /// Why nothing can be said about a joint, if so.
     pub fn against(&self, joint: &str) -> Option<String> {
         let is_on = |finding: &&Finding| {
@@ -167,15 +161,13 @@ pub(crate) fn vibration(joint: &str, search: &Search<'_>) -> Option<DataFinding>
     })
 }
 
-/// That a joint's two encoders do not show the same angle at the same instant, as a fit found.
-pub(crate) fn encoders(joint: &str, search: &Search<'_>, refined: &Refined) -> Vec<DataFinding> {
-    let (_, covariance) = search.held_out(refined);
+/// That a joint's two encoders do not show the same angle at the same instant, by what a fit found of the file's values and their errors, in
+/// standard deviations.
+pub(crate) fn encoders(joint: &str, search: &Search<'_>, known: &[[f64; 2]]) -> Vec<DataFinding> {
     let found = |value: Known| {
-        let known = &search.twin.known;
-        let place = known.iter().position(|known| known.known == value)?;
-        let deviation = known[place].deviation;
-        let off = refined.model.known.get(place)? * deviation;
-        let std = covariance.get((place, place))?.sqrt() * deviation;
+        let of_twin = &search.twin.known;
+        let place = of_twin.iter().position(|known| known.known == value)?;
+        let [off, std] = known.get(place)?.map(|x| x * of_twin[place].deviation);
         (off.abs() > TOLD_ERRORS * std).then_some((off, std))
     };
     let note = |what: String, remedy: &str| DataFinding {

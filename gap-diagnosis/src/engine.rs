@@ -5,7 +5,7 @@ use robot::{Robot, RobotJoint};
 
 use crate::closed_loop;
 use crate::control;
-use crate::diagnose::{self, DiagnoseError, Diagnosis, Progress};
+use crate::diagnose::{DiagnoseError, Diagnosis, Progress};
 use crate::regression;
 use crate::report::DataFinding;
 use crate::stretch::measured;
@@ -17,9 +17,6 @@ pub enum Engine {
     Motion,
     /// A simulation of each joint in its controller's loop, on sets of names by the same held-out score.
     ClosedLoop,
-    /// A simulation of each joint in its controller's loop, with the encoders and the noise that the file states, by Bayes factors of
-    /// its own.
-    Simulation,
 }
 
 /// How a diagnosis is asked.
@@ -69,7 +66,7 @@ impl Engine {
             && robot.joints.iter().all(tells_encoder)
             && robot.joints.iter().any(has_torque);
         if is_told {
-            Self::Simulation
+            Self::ClosedLoop
         } else {
             Self::Motion
         }
@@ -92,7 +89,6 @@ pub fn diagnose(
         Engine::ClosedLoop => {
             closed_loop::diagnose(robot, recordings, options.materiality, progress)
         }
-        Engine::Simulation => diagnose::diagnose(robot, recordings, progress),
     };
     let mut diagnosis = diagnosed?;
     let of_file = robot.notes.iter().map(|what| DataFinding {

@@ -94,11 +94,6 @@ pub enum Known {
 }
 
 impl Known {
-    /// Whether it is about what the sensors show, not about how the joint moves.
-    pub fn is_of_sensors(self) -> bool {
-        matches!(self, Self::Skew | Self::Zero)
-    }
-
     /// Whether it is of a link, and so of the load of every joint before it.
     pub fn is_of_links(self) -> bool {
         matches!(self, Self::Mass(_) | Self::Centre(..) | Self::Inertia(_))

@@ -1,29 +1,21 @@
 //! A joint's recordings beside its twin: the numbers that are compared, how sure they are, and models of the joint.
 
-use std::collections::BTreeMap;
-
 use joint_model::filter::FilterError;
 use rand_core::{RngCore, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use robot::Effect;
 
-use crate::evidence::Left;
-use crate::fit::Bound;
 use crate::hypothesis::{Hypothesis, Shown, plain};
 use crate::known::Known;
 use crate::observe::Channel;
 use crate::on_all_cores::OnAllCores;
 use crate::scale::Scale;
 use crate::simulate::Between;
-use crate::trust::Trust;
 use crate::twin::{Changes, JointTwin, Row};
-use crate::whiten::{Floor, Reversals, Whitener, series};
+use crate::whiten::{Floor, Whitener, series};
 
 /// Runs of the twin with noise, of which the mean is taken.
 const NOISY_RUNS: u64 = 6;
-/// Runs of the twin that differ by next to nothing, and by how much, in standard deviations of the known values.
-const ROUGH_RUNS: u64 = 6;
-const NEXT_TO_NOTHING: f64 = 0.02;
 /// Around a row, what nobody can tell of its neighbours counts for it too.
 const DOUBT_S: f64 = 0.06;
 /// What the twin itself is off, as parts of the friction: from sample to sample, and slowly.
@@ -31,11 +23,6 @@ const TWIN_QUICK: f64 = 0.002;
 const TWIN_SLOW: f64 = 0.006;
 /// Over which the slow part changes.
 const TWIN_SLOW_S: f64 = 0.15;
-/// No robot's torque is controlled as slowly as this.
-pub(crate) const SLOWEST_LOOP_HZ: f64 = 200.0;
-/// Standard deviations that a known value may move: beyond that it is a finding.
-const TOLERANCE: f64 = 3.0;
-
 /// An effect with its fitted amplitudes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Term {
@@ -46,22 +33,6 @@ pub struct Term {
 }
 
 impl Term {
-    /// The same effect, of which nothing tells how large it is.
-    pub(crate) fn without_size(&self) -> Self {
-        Self {
-            amplitudes: vec![0.0; self.amplitudes.len()],
-            ..self.clone()
-        }
-    }
-
-    /// Its hypothesis, with the response found at the size that it has.
-    pub(crate) fn at_its_size(&self) -> Hypothesis {
-        match self.amplitudes[..] {
-            [amplitude] if amplitude > 0.0 => self.hypothesis.clone().reaching(amplitude),
-            _ => self.hypothesis.clone(),
-        }
-    }
-
     /// As a robot file writes it.
     pub fn effect(&self, scale: &Scale) -> Effect {
         self.hypothesis.effect(&self.amplitudes, scale)
@@ -184,38 +155,11 @@ impl<'a> Search<'a> {
             twin,
             scale,
             measured_nm,
-            whitener: whitener(twin, Reversals::DOUBTED, &noise_nm, &scale)?,
+            whitener: whitener(twin, &noise_nm, &scale)?,
             noise_nm,
             repeats_nm: None,
             hypotheses: plain(&scale, shown),
         })
-    }
-
-    /// The same recordings, rows near reversals looked at.
-    ///
-    /// # Errors
-    /// [`FilterError`].
-    pub(crate) fn at_reversals(&self) -> Result<Self, FilterError> {
-        let Self {
-            twin,
-            noise_nm,
-            scale,
-            ..
-        } = self;
-        Ok(Self {
-            whitener: whitener(twin, Reversals::LOOKED_AT, noise_nm, scale)?,
-            ..self.clone()
-        })
-    }
-
-    /// Nats that a torque of no named law may be worth.
-    pub(crate) fn shape_nats(&self) -> f64 {
-        let trust = Trust::of(self.twin.joints());
-        if lacks_commands(self.twin) || self.twin.recorded_hz() < SLOWEST_LOOP_HZ {
-            trust.aliased_nats
-        } else {
-            trust.shape_nats
-        }
     }
 
     /// What a channel holds whatever the model: noise and what the twin itself is off.
@@ -291,102 +235,6 @@ impl<'a> Search<'a> {
         let both = coarse_nm.iter().zip(residual_nm);
         Ok(both.map(|(simulated, left)| simulated + left).collect())
     }
-
-    /// Range of squares and strain over models that differ by next to nothing.
-    pub(crate) fn roughness(&self, model: &Model, residual_nm: &[f64]) -> Result<f64, FilterError> {
-        let to_reach_nm = self.to_reach_nm(model, residual_nm)?;
-        let objectives = (0..ROUGH_RUNS)
-            .on_all_cores(|run| {
-                let mut beside = model.clone();
-                beside.known.resize(self.twin.known.len(), 0.0);
-                let mut random = uniform(run);
-                let known = beside.known.iter_mut().zip(&self.twin.known);
-                for (known, of) in known.filter(|(_, of)| !of.known.is_of_sensors()) {
-                    let step = NEXT_TO_NOTHING * (2.0 * random() - 1.0);
-                    *known += if of.is_positive() { step.abs() } else { step };
-                }
-                let left_nm = difference(&to_reach_nm, &self.coarsely_nm(&beside)?);
-                Ok(self.square(&left_nm))
-            })
-            .collect::<Result<Vec<f64>, FilterError>>()?;
-        let low = objectives.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = objectives.iter().copied().fold(0.0, f64::max);
-        Ok(high - low)
-    }
-
-    pub(crate) fn bounds(&self) -> Vec<Bound> {
-        let known = self.twin.known.iter().map(|known| Bound {
-            range: if known.is_positive() {
-                [0.0, TOLERANCE]
-            } else {
-                [-TOLERANCE, TOLERANCE]
-            },
-            precision: 1.0,
-        });
-        known.collect()
-    }
-
-    pub(crate) fn hypothesis_bound(&self, hypothesis: &Hypothesis) -> Bound {
-        Bound {
-            range: [hypothesis.lowest(&self.scale), f64::INFINITY],
-            precision: hypothesis.plausible_steps().powi(-2),
-        }
-    }
-
-    /// Whitened squares of a residual and strain of the known values.
-    pub fn objective(&self, model: &Model, residual_nm: &[f64]) -> f64 {
-        self.left(model, residual_nm).total()
-    }
-
-    /// The same, apart.
-    pub fn left(&self, model: &Model, residual_nm: &[f64]) -> Left {
-        Left {
-            square: self.square(residual_nm),
-            strain: strain(model, &[]),
-        }
-    }
-
-    /// The most that whitened squares fall within a second, from one residual to another.
-    pub(crate) fn most_in_a_second(&self, before_nm: &[f64], after_nm: &[f64]) -> f64 {
-        let [before, after] = [before_nm, after_nm].map(|of| self.whitener.apply(of));
-        let taken_off = before.iter().zip(&after).map(|(b, a)| b * b - a * a);
-        worst_second(&self.twin.rows, taken_off).map_or(0.0, |(_, most)| most.max(0.0))
-    }
-
-    /// Of each row, whether it lies in the second in which most of a whitened residual's squares are.
-    pub(crate) fn in_worst_second(&self, white: &[f64]) -> Vec<bool> {
-        let rows = &self.twin.rows;
-        let worst = worst_second(rows, white.iter().map(|x| x * x));
-        rows.iter()
-            .map(|row| {
-                worst.is_some_and(|((stretch, half), _)| {
-                    row.stretch == stretch && (half..half + 2).contains(&half_second(row))
-                })
-            })
-            .collect()
-    }
-
-    /// Whitened squares of a residual.
-    pub fn square(&self, residual_nm: &[f64]) -> f64 {
-        self.whitener.apply(residual_nm).iter().map(|x| x * x).sum()
-    }
-}
-
-/// The second in which squares, one a row, sum to most: its stretch and first half, and the sum.
-fn worst_second(rows: &[Row], squares: impl Iterator<Item = f64>) -> Option<((usize, u64), f64)> {
-    let mut halves: BTreeMap<(usize, u64), f64> = BTreeMap::new();
-    for (row, square) in rows.iter().zip(squares) {
-        *halves.entry((row.stretch, half_second(row))).or_default() += square;
-    }
-    let with_next = halves.iter().map(|(&(stretch, half), square)| {
-        let next = halves.get(&(stretch, half + 1));
-        ((stretch, half), square + next.copied().unwrap_or(0.0))
-    });
-    with_next.max_by(|a, b| a.1.total_cmp(&b.1))
-}
-
-fn half_second(row: &Row) -> u64 {
-    (2.0 * row.time_s) as u64
 }
 
 /// Whether there were commands that the recording does not show.
@@ -400,15 +248,6 @@ fn lacks_commands(twin: &JointTwin<'_>) -> bool {
 pub(crate) fn uniform(seed: u64) -> impl FnMut() -> f64 {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     move || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
-}
-
-pub(crate) fn strain(model: &Model, steps: &[f64]) -> f64 {
-    (0..model.known.len().max(steps.len()))
-        .map(|k| {
-            let at = |values: &[f64]| values.get(k).copied().unwrap_or(0.0);
-            (at(&model.known) + at(steps)).powi(2)
-        })
-        .sum()
 }
 
 fn noise_nm(of_channels: &[(Channel, f64)], channel: Channel) -> f64 {
@@ -439,12 +278,11 @@ fn floor(
 
 fn whitener(
     twin: &JointTwin<'_>,
-    reversals: Reversals,
     noise_nm: &[(Channel, f64)],
     scale: &Scale,
 ) -> Result<Whitener, FilterError> {
     let floor = |row: &Row| floor(row.channel, noise_nm, scale, twin);
-    Ok(Whitener::new(&twin.rows, reversals, floor).doubting(&doubts_nm(twin)?))
+    Ok(Whitener::new(&twin.rows, floor).doubting(&doubts_nm(twin)?))
 }
 
 /// What nobody can tell of a row: the part of what friction before it slips does that is not in proportion to it, and where
@@ -494,19 +332,4 @@ fn doubts_nm(twin: &JointTwin<'_>) -> Result<Vec<f64>, FilterError> {
 
 pub(crate) fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_worst_second_begins_at_any_half() {
-        let rows: Vec<Row> = (0..80).map(|k| Row::at_rest(0.1 * f64::from(k))).collect();
-        let squares = |k: u32| if (25..35).contains(&k) { 1.0 } else { 0.01 };
-        let (worst, sum) = worst_second(&rows, (0..80).map(squares)).expect("there are rows");
-        assert_eq!(worst, (0, 5));
-        assert!((sum - 10.0).abs() < 0.2, "{sum}");
-        assert_eq!(worst_second(&[], std::iter::empty()), None);
-    }
 }

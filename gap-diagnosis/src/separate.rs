@@ -8,16 +8,16 @@ use recording::Recording;
 use robot::{Effect, Robot};
 
 use crate::diagnose::DiagnoseError;
-use crate::fit::{Bound, Regression};
+use crate::fit::{Bound, Fit};
 use crate::hypothesis::{Hypothesis, Shown, periodic, plain};
 use crate::mend;
 use crate::observe::Channel;
 use crate::on_all_cores::OnAllCores;
-use crate::place;
+use crate::regression::told::regimes;
 use crate::report::Regime;
 use crate::search::Search;
 use crate::stretch::stretches;
-use crate::twin::{Changes, JointTwin};
+use crate::twin::{Changes, JointTwin, Row};
 
 /// Known values stay within so many of their deviations.
 const TOLERANCE: f64 = 3.0;
@@ -192,8 +192,7 @@ impl<'a> Responses<'a> {
             .iter()
             .map(|column| self.search.whitener.apply(column))
             .collect();
-        let all: Vec<usize> = (0..columns.len()).collect();
-        let fit = Regression::new(&white, target_white, &bounds, &[]).fit(&all);
+        let fit = Fit::of(&white, target_white, &bounds);
         let mut left_nm = target_nm.to_vec();
         for (column, coefficient) in columns.iter().zip(&fit.coefficients) {
             for (left, x) in left_nm.iter_mut().zip(column) {
@@ -203,10 +202,29 @@ impl<'a> Responses<'a> {
         Ok((fit.square, left_nm))
     }
 
-    /// Where the largest share is for the part of the range it lies in.
+    /// Where most of the motor's torque lies, row by row as it counts.
     fn shows(&self, left_nm: &[f64]) -> Option<Regime> {
-        place::regimes(&self.search, left_nm)
+        let rows = &self.search.twin.rows;
+        let of_motor: Vec<usize> = (0..rows.len())
+            .filter(|k| rows[*k].channel == Channel::Motor)
+            .collect();
+        let counted = of_motor.iter();
+        let counted_nm: Vec<f64> = counted
+            .map(|k| self.search.whitener.weight(*k) * left_nm[*k])
+            .collect();
+        let ratio = self.search.scale.gear_ratio;
+        let variables: [(&str, &dyn Fn(&Row) -> f64); 4] = [
+            ("position_rad", &|row| row.position_rad),
+            ("motor_velocity_rad_s", &|row| ratio * row.velocity_rad_s),
+            ("load_nm", &|row| row.load_nm),
+            ("time_s", &|row| row.time_s),
+        ];
+        variables
             .into_iter()
+            .flat_map(|(variable, of)| {
+                let values: Vec<f64> = of_motor.iter().map(|k| of(&rows[*k])).collect();
+                regimes(variable, &values, &counted_nm)
+            })
             .max_by(|a, b| a.share.total_cmp(&b.share))
             .filter(|regime| regime.share > 0.0)
     }

@@ -232,12 +232,6 @@ impl<'a> JointTwin<'a> {
         self.other_joints().flat_map(each).collect()
     }
 
-    /// Velocity of each other joint, row by row.
-    pub fn others_velocity_rad_s(&self) -> Vec<Vec<f64>> {
-        let each = |other: usize| self.of_another(other, |m, other, k| m.velocity_rad_s(other)[k]);
-        self.other_joints().map(each).collect()
-    }
-
     fn other_joints(&self) -> impl Iterator<Item = usize> {
         let own = self.joint;
         (0..self.robot.joints.len()).filter(move |other| *other != own)

@@ -51,18 +51,9 @@ pub fn series(rows: &[Row]) -> Vec<Range<usize>> {
     found
 }
 
-/// How much less a row near a reversal counts: by so many times the deviation elsewhere. Friction before it slips is
-/// what twin and robot share least.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reversals(f64);
-
-impl Reversals {
-    /// As little as a twin is trusted there.
-    pub const DOUBTED: Self = Self(15.0);
-    /// More, where what is off lies there.
-    pub const LOOKED_AT: Self = Self(5.0);
-}
-
+/// How much less a row near a reversal counts: by so many times the deviation elsewhere. Friction before it slips is what twin and robot
+/// share least.
+const REVERSAL: f64 = 15.0;
 /// How near, with the low-pass on top.
 const REVERSAL_S: f64 = 0.12;
 /// Of the torque that accelerates the joint, the twin is off by this part: sensors and twin are not at the same instant.
@@ -83,12 +74,7 @@ const SLID_RAD: f64 = 1e-2;
 const STILL: f64 = 0.003;
 
 /// Of each row, by how near its joint is to a reversal, how hard it accelerates, what swings beside it and whether it vibrates: 1 in even motion.
-fn weights(
-    rows: &[Row],
-    series: &[Range<usize>],
-    Reversals(reversal): Reversals,
-    floor: impl Fn(&Row) -> Floor,
-) -> Vec<f64> {
+fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor) -> Vec<f64> {
     let fastest = rows
         .iter()
         .map(|row| row.velocity_rad_s.abs())
@@ -120,7 +106,7 @@ fn weights(
             // a beat is as quick as noise
             let beating = row.beating_nm / quick_nm.max(1e-12);
             // both are of how friction lets go
-            let less = (reversal * near).max(falls).powi(2)
+            let less = (REVERSAL * near).max(falls).powi(2)
                 + hard * hard
                 + unseen * unseen
                 + swings * swings
@@ -173,14 +159,14 @@ pub struct Whitener {
 
 impl Whitener {
     /// One filter for each channel, the same in all stretches.
-    pub fn new(rows: &[Row], reversals: Reversals, floor: impl Fn(&Row) -> Floor + Copy) -> Self {
+    pub fn new(rows: &[Row], floor: impl Fn(&Row) -> Floor + Copy) -> Self {
         let series = series(rows);
         let filters = series
             .iter()
             .map(|of| Filter::of(floor(&rows[of.start])))
             .collect();
         Self {
-            weights: weights(rows, &series, reversals, floor),
+            weights: weights(rows, &series, floor),
             series,
             filters,
         }
@@ -318,7 +304,7 @@ mod tests {
                     ..Row::at_rest(0.01 * f64::from(k))
                 })
                 .collect();
-            Whitener::new(&rows, Reversals::DOUBTED, floor).weight((100.0 * at_s) as usize)
+            Whitener::new(&rows, floor).weight((100.0 * at_s) as usize)
         };
         let far_s = 1.5;
         assert!(weight(0.1, far_s) > 0.99 && weight(10.0, far_s) < 0.4);
@@ -347,9 +333,7 @@ mod tests {
             quick_nm: 1.0,
             ..Floor::default()
         };
-        let middle = |slow_rad_s: f64| {
-            Whitener::new(&rows(slow_rad_s), Reversals::DOUBTED, floor).weight(150)
-        };
+        let middle = |slow_rad_s: f64| Whitener::new(&rows(slow_rad_s), floor).weight(150);
         assert!(middle(0.02) > 0.99, "{}", middle(0.02));
         assert!(middle(0.001) < 0.1, "{}", middle(0.001));
     }

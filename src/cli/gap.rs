@@ -72,10 +72,8 @@ pub struct GapDiagnoseArguments {
 pub enum GapEngine {
     /// Inverse dynamics of the recorded motion
     Motion,
-    /// A simulation in the controller's loop, by the same score as motion
+    /// A simulation of each joint in its loop
     ClosedLoop,
-    /// A simulation in the controller's loop, by a score of its own
-    Simulation,
 }
 
 impl From<GapEngine> for gap_diagnosis::Engine {
@@ -83,7 +81,6 @@ impl From<GapEngine> for gap_diagnosis::Engine {
         match engine {
             GapEngine::Motion => Self::Motion,
             GapEngine::ClosedLoop => Self::ClosedLoop,
-            GapEngine::Simulation => Self::Simulation,
         }
     }
 }

@@ -1,8 +1,10 @@
 //! The diagnosis of a robot whose controller and encoders are known: each joint simulated in its loop beside its recordings, and the
 //! evidence of what the simulation's response to every effect explains.
 
+mod bus;
 mod called;
 mod counted;
+pub mod named;
 mod refine;
 mod rows;
 mod shared;
@@ -27,16 +29,19 @@ use crate::regression::evidence::{Evidence, Problem, Scored};
 use crate::regression::remaining;
 use crate::regression::rows::JointRows;
 use crate::regression::shares::Interval;
-use crate::regression::told::{FLOOR, Found, Said};
+use crate::regression::told::{FLOOR, Found, MATERIALITY, Said};
 use crate::repeats::floor::Repeated;
-use crate::report::{BeforeAfter, DataFinding, Gap, JointReport, JointShare, SignalGap, Verdict};
+use crate::report::{
+    BeforeAfter, Candidate, DataFinding, Gap, JointReport, JointShare, SignalGap, Verdict,
+};
 use crate::search::{Model, Search, Term};
-use crate::shared::{CommonDelay, common_delay};
 use crate::stretch::stretches;
 use crate::twin::JointTwin;
+use bus::{CommonDelay, common_delay};
 use called::Responses;
 use refine::{Worth, refined};
-use rows::{About, Compared, OfArm, kinds_of};
+pub use rows::About;
+use rows::{Compared, OfArm, kinds_of};
 use shared::Shared;
 
 /// Rounds in which the best set and the responses about it settle.
@@ -378,17 +383,32 @@ impl<'a> Joint<'a> {
         (1.0 - with / without.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
     }
 
-    /// Of the motor's torque.
-    fn gap(&self, report: &JointReport, gap_nm: &[f64], after: f64) -> Gap {
+    /// Mean square of the motor's gap, and what nobody can tell of it.
+    fn motor_squares(&self, gap_nm: &[f64]) -> [f64; 2] {
         let span = &self.compared.spans[0];
         let own = &gap_nm[span.rows.clone()];
-        let before = own.iter().map(|x| x * x).sum::<f64>() / own.len().max(1) as f64;
-        let noise = span.floor_nm.powi(2);
+        let square = own.iter().map(|x| x * x).sum::<f64>() / own.len().max(1) as f64;
+        [square, span.floor_nm.powi(2)]
+    }
+
+    /// How far the motor's gap shrinks to this mean square, above what nobody can tell.
+    fn shrink(&self, gap_nm: &[f64], after: f64) -> f64 {
+        let [before, noise] = self.motor_squares(gap_nm);
         let above = |square: f64| (square - noise).max(0.0);
-        let shrink = if report.verdict == Verdict::NoGap || above(before) <= 0.0 {
+        if above(before) > 0.0 {
+            1.0 - above(after) / above(before)
+        } else {
+            0.0
+        }
+    }
+
+    /// Of the motor's torque.
+    fn gap(&self, report: &JointReport, gap_nm: &[f64], after: f64) -> Gap {
+        let [before, noise] = self.motor_squares(gap_nm);
+        let shrink = if report.verdict == Verdict::NoGap {
             0.0
         } else {
-            1.0 - above(after) / above(before)
+            self.shrink(gap_nm, after)
         };
         let told = &report.gap;
         Gap {
@@ -426,6 +446,47 @@ impl<'a> Joint<'a> {
             velocity_rad_s: pick(&|k| rows[k].velocity_rad_s),
         })
     }
+}
+
+/// What one joint shows by itself.
+#[derive(Clone, Debug)]
+pub struct OfOne {
+    /// With the names that are told.
+    pub model: Model,
+    /// What may be the largest part of its gap, most probable first.
+    pub candidates: Vec<Candidate>,
+}
+
+/// One joint explained by itself, without what its samples show.
+///
+/// # Errors
+/// [`FilterError`].
+pub fn one(twin: &JointTwin<'_>, name: &str) -> Result<OfOne, FilterError> {
+    let joint = Joint::of(0, twin, &[], name, &Repeated::among(&[]), None)?;
+    let begin = About::of(&joint.search, &joint.compared, &joint.start())?;
+    let explained = joint.explained(begin, None)?;
+    let arm = Arm {
+        shared: None,
+        common: None,
+    };
+    let told = joint.said(name, &explained, &[], &arm, MATERIALITY)?;
+    let fit = explained.evidence.fit(explained.sets[0].names);
+    Ok(OfOne {
+        model: explained.about.told(&joint.search, &fit),
+        candidates: told.report.candidates,
+    })
+}
+
+/// Responses about the joint as its file has it.
+///
+/// # Errors
+/// [`FilterError`].
+pub(crate) fn about_the_file(search: &Search<'_>) -> Result<About, FilterError> {
+    About::of(
+        search,
+        &Compared::of(search, false),
+        &Model::of_settled(search, &[]),
+    )
 }
 
 /// Diagnoses a robot in its controller's loop. Effects below `materiality` are minor ones.
@@ -532,6 +593,12 @@ pub fn diagnose(
                 let mut findings: Vec<DataFinding> =
                     repeated.floor(name, &joint.search).into_iter().collect();
                 findings.extend(data::vibration(name, &joint.search));
+                if joint.poverty.is_none() {
+                    // at one speed a delay and a zero are the same, and neither would be known to be off
+                    let names = explained.sets[0].names;
+                    let known = explained.evidence.known_beside(names);
+                    findings.extend(data::encoders(name, &joint.search, &known));
+                }
                 Ok(Some((told, findings)))
             })
             .collect::<Result<Vec<_>, FilterError>>()?;

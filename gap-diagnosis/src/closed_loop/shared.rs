@@ -6,6 +6,7 @@ use joint_model::filter::FilterError;
 use nalgebra::DVector;
 use robot::{Effect, Robot};
 
+use super::bus::CommonDelay;
 use super::rows::{About, OfArm, own_columns};
 use super::{Explained, Joint, counted};
 use crate::hypothesis::Hypothesis;
@@ -15,7 +16,6 @@ use crate::regression::evidence::Message;
 use crate::regression::told::{self, TEMPERATURE};
 use crate::report::{JointShare, NamedEffect, SharedEffect};
 use crate::search::Term;
-use crate::shared::CommonDelay;
 
 /// Rounds in which joints tell each other of the cause: a payload's inertia is quadratic in its moments, which settle to a hundredth in
 /// three.

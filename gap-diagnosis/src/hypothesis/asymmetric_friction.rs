@@ -2,7 +2,7 @@
 
 use robot::Effect;
 
-use super::form::{Form, Series, friction_step_nm};
+use super::form::{Form, friction_step_nm};
 use crate::scale::Scale;
 
 #[derive(Debug)]
@@ -17,10 +17,5 @@ impl Form for AsymmetricFriction {
         Effect::AsymmetricFriction {
             asymmetry_nm: amplitude[0] * friction_step_nm(scale),
         }
-    }
-
-    /// The constant term.
-    fn series(&self) -> &'static [Series] {
-        &[Series::Position]
     }
 }

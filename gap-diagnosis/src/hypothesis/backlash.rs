@@ -2,7 +2,7 @@
 
 use robot::Effect;
 
-use super::form::{Form, Series, TWIST_STEP, Twist};
+use super::form::{Form, TWIST_STEP};
 use crate::scale::Scale;
 
 #[derive(Debug)]
@@ -26,17 +26,5 @@ impl Form for Backlash {
 
     fn is_positive(&self) -> bool {
         true
-    }
-
-    fn twist(&self) -> Option<Twist> {
-        Some(Twist::Gives)
-    }
-
-    fn is_felt(&self) -> bool {
-        true
-    }
-
-    fn series(&self) -> &'static [Series] {
-        &[Series::Twist]
     }
 }

@@ -2,7 +2,7 @@
 
 use robot::Effect;
 
-use super::form::{Form, Series};
+use super::form::Form;
 use crate::scale::Scale;
 
 const STEP_RAD: f64 = 0.005;
@@ -38,9 +38,5 @@ impl Form for BaseTilt {
 
     fn is_carried(&self) -> bool {
         true
-    }
-
-    fn series(&self) -> &'static [Series] {
-        &[Series::Position]
     }
 }

@@ -2,7 +2,7 @@
 
 use robot::Effect;
 
-use super::form::{Form, Series, friction_step_nm};
+use super::form::{Form, friction_step_nm};
 use crate::scale::Scale;
 
 #[derive(Debug)]
@@ -21,10 +21,6 @@ impl Form for CoulombFriction {
 
     fn lowest(&self, scale: &Scale) -> f64 {
         -scale.least_friction_nm / friction_step_nm(scale)
-    }
-
-    fn series(&self) -> &'static [Series] {
-        &[Series::Velocity]
     }
 }
 

@@ -3,14 +3,11 @@
 use robot::Effect;
 
 use super::Shown;
-use super::form::{Form, Series};
+use super::form::Form;
 use crate::scale::Scale;
 
 /// What an amplitude of 1 is.
 pub const STEP_S: f64 = 5e-4;
-
-/// Nats by which any twin may seem to have it: every drive lags a little.
-const EVERY_LOOP: f64 = 14.0;
 
 #[derive(Debug)]
 pub struct CurrentLoopLag;
@@ -32,13 +29,5 @@ impl Form for CurrentLoopLag {
 
     fn is_positive(&self) -> bool {
         true
-    }
-
-    fn in_any_twin_nats(&self) -> f64 {
-        EVERY_LOOP
-    }
-
-    fn series(&self) -> &'static [Series] {
-        &[Series::Motion]
     }
 }

@@ -45,10 +45,6 @@ impl Form for MotorEccentricity {
     fn repeats_with(&self) -> Option<Turn> {
         Some(Turn::Motor)
     }
-
-    fn is_felt(&self) -> bool {
-        true
-    }
 }
 
 /// After the gear.
@@ -75,9 +71,5 @@ impl Form for LinkEccentricity {
 
     fn repeats_with(&self) -> Option<Turn> {
         Some(Turn::Link)
-    }
-
-    fn is_felt(&self) -> bool {
-        true
     }
 }

@@ -2,7 +2,7 @@
 
 use robot::Effect;
 
-use super::form::{Form, Series};
+use super::form::Form;
 use crate::scale::Scale;
 
 const STEP_RAD: f64 = 0.002;
@@ -21,15 +21,7 @@ impl Form for EncoderOffset {
         }
     }
 
-    fn is_felt(&self) -> bool {
-        true
-    }
-
     fn is_carried(&self) -> bool {
         true
-    }
-
-    fn series(&self) -> &'static [Series] {
-        &[Series::Position]
     }
 }

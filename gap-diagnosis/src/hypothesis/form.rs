@@ -36,28 +36,6 @@ pub enum Turn {
     Link,
 }
 
-/// What several effects are terms of a series in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Series {
-    /// The joint's velocity.
-    Velocity,
-    /// Its position.
-    Position,
-    /// The derivatives of its motion.
-    Motion,
-    /// The gear's twist.
-    Twist,
-}
-
-/// What the gear does as it twists.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Twist {
-    /// It gives: a second encoder or a torque sensor shows how far, without which it shows at reversals only.
-    Gives,
-    /// It takes torque away, whatever encoders there are.
-    Loses,
-}
-
 /// One form of one effect: amplitudes that enter linearly, and at most one shape that does not.
 ///
 /// What is left to its default is so for most effects.
@@ -87,11 +65,6 @@ pub trait Form: Any + Debug + Sync {
     /// Between which the shape is sought. What repeats keeps its number of cycles but for what the recording cannot tell.
     fn shape_range(&self, _scale: &Scale) -> [f64; 2] {
         [0.0, f64::INFINITY]
-    }
-
-    /// Whether beyond the lower end of its range something else begins that is no law of the list: what is fitted best there is that.
-    fn ends_below(&self) -> bool {
-        false
     }
 
     /// How many amplitudes there are: a sine's and a cosine's of what repeats.
@@ -128,16 +101,6 @@ pub trait Form: Any + Debug + Sync {
         false
     }
 
-    /// Whether it shows in the same motion whatever its shape.
-    fn shows_at_any_shape(&self) -> bool {
-        false
-    }
-
-    /// Whether one moment may be all that there is of it: a limit shows where it is met.
-    fn may_be_once(&self) -> bool {
-        false
-    }
-
     /// Whose turn it repeats with, the shape being the number of cycles a turn.
     fn repeats_with(&self) -> Option<Turn> {
         None
@@ -153,39 +116,9 @@ pub trait Form: Any + Debug + Sync {
         false
     }
 
-    /// Whether the other joints feel it: it changes how the joint's link swings, or how its encoders show that.
-    fn is_felt(&self) -> bool {
-        false
-    }
-
     /// Whether it changes what the gear carries, so that a torque sensor behind the gear shows it and not what drive and motor do.
     fn is_carried(&self) -> bool {
         false
-    }
-
-    /// What of the gear's twist it is, if any.
-    fn twist(&self) -> Option<Twist> {
-        None
-    }
-
-    /// Whether it shows at reversals, where friction before it slips is nobody's law, whatever encoders there are.
-    fn shows_at_reversals(&self) -> bool {
-        self.twist() == Some(Twist::Loses)
-    }
-
-    /// Nats by which a good twin may seem to have it.
-    fn in_any_twin_nats(&self) -> f64 {
-        0.0
-    }
-
-    /// What it is a term of a series in.
-    fn series(&self) -> &'static [Series] {
-        &[]
-    }
-
-    /// Whether its torque follows load, direction or time, and changes with nothing quicker: as does what follows position.
-    fn is_slow(&self) -> bool {
-        self.series().contains(&Series::Position)
     }
 }
 

@@ -3,7 +3,7 @@
 
 use robot::Effect;
 
-use super::form::{Form, Series, friction_step_nm};
+use super::form::{Form, friction_step_nm};
 use crate::scale::Scale;
 
 #[derive(Debug)]
@@ -37,9 +37,5 @@ impl Form for JointSpring {
 
     fn is_carried(&self) -> bool {
         true
-    }
-
-    fn series(&self) -> &'static [Series] {
-        &[Series::Position]
     }
 }

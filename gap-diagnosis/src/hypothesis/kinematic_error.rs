@@ -38,8 +38,4 @@ impl Form for KinematicError {
     fn has_harmonics(&self) -> bool {
         true
     }
-
-    fn is_felt(&self) -> bool {
-        true
-    }
 }

@@ -2,7 +2,7 @@
 
 use robot::Effect;
 
-use super::form::{Form, INERTIA_STEP, Series};
+use super::form::{Form, INERTIA_STEP};
 use crate::scale::Scale;
 
 #[derive(Debug)]
@@ -23,16 +23,8 @@ impl Form for LinkInertia {
         -scale.spare_link_inertia_kg_m2 / (INERTIA_STEP * scale.inertia_kg_m2)
     }
 
-    fn is_felt(&self) -> bool {
-        true
-    }
-
     fn is_carried(&self) -> bool {
         true
-    }
-
-    fn series(&self) -> &'static [Series] {
-        &[Series::Motion]
     }
 }
 

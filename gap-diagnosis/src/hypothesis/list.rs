@@ -1,6 +1,6 @@
 //! The list of all effects, and which of them may be fitted to a joint.
 
-use super::form::{Form, Twist};
+use super::form::Form;
 use super::{Hypothesis, command_delay, current_loop_lag};
 use crate::scale::Scale;
 
@@ -64,20 +64,6 @@ pub fn plain(scale: &Scale, shown: Shown) -> Vec<Hypothesis> {
         .filter(|form| form.may_show(shown, scale))
         .flat_map(|form| tried(*form, scale))
         .collect()
-}
-
-/// Effects that several joints may see by one cause.
-pub(crate) fn shared() -> impl Iterator<Item = &'static str> {
-    let shared = PLAIN.iter().filter(|form| form.is_shared());
-    shared.map(|form| form.name())
-}
-
-/// Ways in which the gear gives as it twists.
-pub(crate) fn giving() -> impl Iterator<Item = &'static str> {
-    let giving = PLAIN
-        .iter()
-        .filter(|form| form.twist() == Some(Twist::Gives));
-    giving.map(|form| form.name())
 }
 
 /// A form at each shape and each reach at which it is tried.

@@ -38,14 +38,10 @@ mod wave;
 use arrayvec::ArrayVec;
 use robot::Effect;
 
-use self::form::{Form, Turn, Twist};
+use self::form::{Form, Turn};
 pub use self::list::{Shown, delay, lag, periodic, plain};
-pub(crate) use self::list::{giving, shared};
 use crate::scale::Scale;
 use crate::stage::Stage;
-
-/// So near to the lower end of its range a shape is taken to be there.
-const AT_ITS_END: f64 = 0.05;
 
 /// An effect to be fitted, at one shape.
 #[derive(Clone, Debug, PartialEq)]
@@ -116,51 +112,11 @@ impl Hypothesis {
         self.form.is_shared() && self.form.is_carried()
     }
 
-    /// Whether the other joints feel it.
-    pub fn is_felt(&self) -> bool {
-        self.form.is_felt()
-    }
-
-    /// Whether it is a way in which the gear gives as it twists.
-    pub fn gives(&self) -> bool {
-        self.form.twist() == Some(Twist::Gives)
-    }
-
-    /// Whether it is of the gear's twist.
-    pub fn is_twist(&self) -> bool {
-        self.form.twist().is_some()
-    }
-
-    /// Whether it shows at reversals only. `sees_torsion`: whether a second encoder or a torque sensor shows how the gear twists.
-    pub fn shows_at_reversals(&self, sees_torsion: bool) -> bool {
-        self.form.shows_at_reversals() || self.gives() && !sees_torsion
-    }
-
-    /// Whether it is twist that nothing but reversals shows.
-    pub fn is_hidden_twist(&self, sees_torsion: bool) -> bool {
-        self.is_twist() && self.shows_at_reversals(sees_torsion)
-    }
-
-    /// Nats by which a good twin may seem to have it.
-    pub fn in_any_twin_nats(&self) -> f64 {
-        self.form.in_any_twin_nats()
-    }
-
-    /// Whether one moment may be all that there is of it.
-    pub fn may_be_once(&self) -> bool {
-        self.form.may_be_once()
-    }
-
     /// Whether the shape is found by fitting. A whole number of cycles is what a shaft does, and stays.
     pub fn shape_is_free(&self) -> bool {
         self.shape
             .first()
             .is_some_and(|shape| !self.is_periodic() || shape.fract() != 0.0)
-    }
-
-    /// Whether the effect shows in the same motion whatever its shape. Other shapes choose where an effect shows.
-    pub fn shows_at_any_shape(&self) -> bool {
-        self.form.shows_at_any_shape()
     }
 
     /// Relative change of the shape by which its derivative is found.
@@ -182,15 +138,6 @@ impl Hypothesis {
         self.form.repeats_with() == Some(Turn::Motor)
     }
 
-    /// Whether both are terms of a series in one variable. Two that nearly cancel may stand for a law of that variable that is
-    /// no term of the series; not where a torque sensor shows one of them and not the other.
-    pub fn is_in_series_with(&self, other: &Self, has_torque_sensor: bool) -> bool {
-        let mut series = self.form.series().iter();
-        let is_told_apart = has_torque_sensor && self.form.is_carried() != other.form.is_carried();
-        self.is_periodic() && other.is_periodic()
-            || !is_told_apart && series.any(|one| other.form.series().contains(one))
-    }
-
     /// Whether both are one effect that repeats with an angle, at different numbers of cycles: of those only a kinematic error has
     /// more than one.
     pub fn repeats(&self, other: &Self) -> bool {
@@ -205,11 +152,6 @@ impl Hypothesis {
         }
     }
 
-    /// Whether its torque follows load, direction or time, and changes with nothing quicker.
-    pub fn is_slow(&self) -> bool {
-        self.form.is_slow()
-    }
-
     /// Between which the shape is sought.
     pub fn shape_range(&self, scale: &Scale) -> [f64; 2] {
         match self.shape.first() {
@@ -220,13 +162,6 @@ impl Hypothesis {
             }
             _ => self.form.shape_range(scale),
         }
-    }
-
-    /// Whether its shape is where it ends and something else begins that is no law of the list.
-    pub fn is_at_its_end(&self, scale: &Scale) -> bool {
-        let least = self.shape_range(scale)[0];
-        let is_least = |shape: &f64| *shape < least * (1.0 + AT_ITS_END);
-        self.form.ends_below() && self.shape.first().is_some_and(is_least)
     }
 
     /// The effect at these amplitudes, as a robot file would write it.
@@ -297,44 +232,6 @@ pub(crate) mod tests {
             period_s: 1e-3,
             motor_turns: 20.0,
         }
-    }
-
-    #[test]
-    fn terms_of_one_variable_are_a_series_and_a_drift_beside_a_gain_is_none() {
-        let of = |name: &str| {
-            let mut all = plain(&scale(), ARM).into_iter();
-            all.find(|hypothesis| hypothesis.effect == name)
-                .expect("it is on the list")
-        };
-        let is_series = |one, other| of(one).is_in_series_with(&of(other), false);
-        assert!(is_series("viscous_friction", "quadratic_friction"));
-        assert!(is_series("sensor_delay", "link_inertia"));
-        assert!(!is_series(
-            "thermal_friction_drift",
-            "torque_constant_error"
-        ));
-        assert!(!is_series("coulomb_friction", "joint_spring"));
-        // the gear carries a spring's torque, and not an offset of the motor's
-        assert!(is_series("torque_offset", "joint_spring"));
-        let with_sensor = |one, other| of(one).is_in_series_with(&of(other), true);
-        assert!(!with_sensor("torque_offset", "joint_spring"));
-        assert!(with_sensor("gravity_torque", "joint_spring"));
-    }
-
-    #[test]
-    fn a_stribeck_velocity_at_its_end_is_no_law_and_other_shapes_are_one_wherever_they_end() {
-        let is_at_its_end = |name: &str, times: f64| {
-            let mut all = plain(&scale(), ARM).into_iter();
-            let found = all.find(|of| of.effect == name && !of.shape.is_empty());
-            let of = found.expect("it is on the list");
-            let least = of.shape_range(&scale())[0];
-            of.shaped(&[times * least]).is_at_its_end(&scale())
-        };
-        for name in ["stribeck_friction", "thermal_friction_drift"] {
-            assert!(is_at_its_end(name, 1.0) && is_at_its_end(name, 1.04));
-            assert!(!is_at_its_end(name, 1.1));
-        }
-        assert!(!is_at_its_end("torsional_hysteresis", 1.0));
     }
 
     #[test]

@@ -7,11 +7,10 @@ use nalgebra::Vector3;
 use robot::Effect;
 
 use super::Shown;
-use super::form::{Form, Series};
+use super::form::Form;
 use crate::scale::Scale;
 
 const NAME: &str = "payload";
-const SERIES: &[Series] = &[Series::Position, Series::Motion];
 const STEP_KG: f64 = 0.1;
 const STEP_M: f64 = 0.1;
 /// How far off a payload is tried that one joint alone carries, and between which distances it is sought.
@@ -67,10 +66,6 @@ impl Form for Payload {
     fn is_carried(&self) -> bool {
         true
     }
-
-    fn series(&self) -> &'static [Series] {
-        SERIES
-    }
 }
 
 /// By its moments across the axis, at a distance from it.
@@ -113,21 +108,12 @@ impl Form for PayloadAt {
         DISTANCES_M
     }
 
-    /// It weighs on the same motion from any distance: of a moment that only its inertia shows the distance is as large as one likes.
-    fn shows_at_any_shape(&self) -> bool {
-        true
-    }
-
     fn amplitudes(&self) -> usize {
         2
     }
 
     fn is_carried(&self) -> bool {
         true
-    }
-
-    fn series(&self) -> &'static [Series] {
-        SERIES
     }
 }
 

@@ -2,7 +2,7 @@
 
 use robot::Effect;
 
-use super::form::{Form, Series, friction_step_nm};
+use super::form::{Form, friction_step_nm};
 use crate::scale::Scale;
 
 #[derive(Debug)]
@@ -18,9 +18,5 @@ impl Form for QuadraticFriction {
             quadratic_nm_s2_rad2: amplitude[0] * friction_step_nm(scale)
                 / scale.speed_rad_s.powi(2),
         }
-    }
-
-    fn series(&self) -> &'static [Series] {
-        &[Series::Velocity]
     }
 }

@@ -2,7 +2,7 @@
 
 use robot::Effect;
 
-use super::form::{Form, INERTIA_STEP, Series};
+use super::form::{Form, INERTIA_STEP};
 use crate::scale::Scale;
 
 #[derive(Debug)]
@@ -22,10 +22,6 @@ impl Form for RotorInertia {
 
     fn lowest(&self, scale: &Scale) -> f64 {
         -scale.rotor_inertia_kg_m2 / (INERTIA_STEP * scale.inertia_kg_m2)
-    }
-
-    fn series(&self) -> &'static [Series] {
-        &[Series::Motion]
     }
 }
 

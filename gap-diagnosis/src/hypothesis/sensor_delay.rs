@@ -3,7 +3,7 @@
 use robot::Effect;
 
 use super::Shown;
-use super::form::{Form, Series};
+use super::form::Form;
 use crate::scale::Scale;
 
 #[derive(Debug)]
@@ -30,13 +30,5 @@ impl Form for SensorDelay {
 
     fn is_shared(&self) -> bool {
         true
-    }
-
-    fn is_felt(&self) -> bool {
-        true
-    }
-
-    fn series(&self) -> &'static [Series] {
-        &[Series::Motion]
     }
 }

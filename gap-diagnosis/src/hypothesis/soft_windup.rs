@@ -3,7 +3,7 @@
 
 use robot::Effect;
 
-use super::form::{COMPLIANCE_STEP, Form, Series, Twist};
+use super::form::{COMPLIANCE_STEP, Form};
 use crate::scale::Scale;
 
 #[derive(Debug)]
@@ -41,17 +41,5 @@ impl Form for SoftWindup {
 
     fn is_positive(&self) -> bool {
         true
-    }
-
-    fn twist(&self) -> Option<Twist> {
-        Some(Twist::Gives)
-    }
-
-    fn is_felt(&self) -> bool {
-        true
-    }
-
-    fn series(&self) -> &'static [Series] {
-        &[Series::Twist]
     }
 }

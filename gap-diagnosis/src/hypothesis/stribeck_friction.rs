@@ -2,7 +2,7 @@
 
 use robot::Effect;
 
-use super::form::{Form, Series, friction_step_nm};
+use super::form::{Form, friction_step_nm};
 use crate::scale::Scale;
 
 /// Friction that falls at lower speeds than this is part of how a joint begins to slip.
@@ -33,26 +33,8 @@ impl Form for StribeckFriction {
         [slowest_rad_s(scale), 0.5 * scale.speed_rad_s]
     }
 
-    /// In how a joint begins to slip.
-    fn ends_below(&self) -> bool {
-        true
-    }
-
     fn lowest(&self, scale: &Scale) -> f64 {
         -scale.least_friction_nm / friction_step_nm(scale)
-    }
-
-    /// In all that is slow.
-    fn shows_at_any_shape(&self) -> bool {
-        true
-    }
-
-    fn shows_at_reversals(&self) -> bool {
-        true
-    }
-
-    fn series(&self) -> &'static [Series] {
-        &[Series::Velocity]
     }
 }
 

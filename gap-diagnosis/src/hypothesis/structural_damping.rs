@@ -2,11 +2,8 @@
 
 use robot::Effect;
 
-use super::form::{Form, Series, Twist, friction_step_nm};
+use super::form::{Form, friction_step_nm};
 use crate::scale::Scale;
-
-/// Nats by which any twin may seem to have it: below the band's limit it makes next to no torque.
-const DAMPING: f64 = 6.0;
 
 #[derive(Debug)]
 pub struct StructuralDamping;
@@ -33,17 +30,5 @@ impl Form for StructuralDamping {
 
     fn is_positive(&self) -> bool {
         true
-    }
-
-    fn twist(&self) -> Option<Twist> {
-        Some(Twist::Loses)
-    }
-
-    fn in_any_twin_nats(&self) -> f64 {
-        DAMPING
-    }
-
-    fn series(&self) -> &'static [Series] {
-        &[Series::Twist]
     }
 }

@@ -25,10 +25,6 @@ impl Form for ConstantDrift {
             change_nm: None,
         }
     }
-
-    fn is_slow(&self) -> bool {
-        true
-    }
 }
 
 #[derive(Debug)]
@@ -53,14 +49,5 @@ impl Form for FirstOrderDrift {
 
     fn shape_range(&self, _: &Scale) -> [f64; 2] {
         [1.0, 300.0]
-    }
-
-    /// In what a joint does as it sets out.
-    fn ends_below(&self) -> bool {
-        true
-    }
-
-    fn is_slow(&self) -> bool {
-        true
     }
 }

@@ -46,8 +46,4 @@ impl Form for TorqueSaturation {
     fn is_switch(&self) -> bool {
         true
     }
-
-    fn may_be_once(&self) -> bool {
-        true
-    }
 }

@@ -3,7 +3,7 @@
 
 use robot::Effect;
 
-use super::form::{COMPLIANCE_STEP, Form, Series, Twist};
+use super::form::{COMPLIANCE_STEP, Form};
 use crate::scale::Scale;
 
 #[derive(Debug)]
@@ -18,18 +18,6 @@ impl Form for TorsionalCompliance {
         Effect::TorsionalCompliance {
             stiffness_nm_rad: softened_nm_rad(amplitude[0], scale),
         }
-    }
-
-    fn twist(&self) -> Option<Twist> {
-        Some(Twist::Gives)
-    }
-
-    fn is_felt(&self) -> bool {
-        true
-    }
-
-    fn series(&self) -> &'static [Series] {
-        &[Series::Motion, Series::Twist]
     }
 }
 

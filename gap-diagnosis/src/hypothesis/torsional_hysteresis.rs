@@ -3,7 +3,7 @@
 
 use robot::Effect;
 
-use super::form::{Form, Series, Twist, friction_step_nm};
+use super::form::{Form, friction_step_nm};
 use crate::scale::Scale;
 
 #[derive(Debug)]
@@ -31,13 +31,5 @@ impl Form for TorsionalHysteresis {
 
     fn is_positive(&self) -> bool {
         true
-    }
-
-    fn twist(&self) -> Option<Twist> {
-        Some(Twist::Loses)
-    }
-
-    fn series(&self) -> &'static [Series] {
-        &[Series::Twist]
     }
 }

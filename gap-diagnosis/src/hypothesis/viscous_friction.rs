@@ -2,7 +2,7 @@
 
 use robot::Effect;
 
-use super::form::{Form, Series, friction_step_nm};
+use super::form::{Form, friction_step_nm};
 use crate::scale::Scale;
 
 #[derive(Debug)]
@@ -17,9 +17,5 @@ impl Form for ViscousFriction {
         Effect::ViscousFriction {
             viscous_nm_s_rad: amplitude[0] * friction_step_nm(scale) / scale.speed_rad_s,
         }
-    }
-
-    fn series(&self) -> &'static [Series] {
-        &[Series::Velocity, Series::Motion]
     }
 }

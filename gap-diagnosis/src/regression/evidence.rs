@@ -611,6 +611,34 @@ impl Evidence {
         rest.iter().copied().collect()
     }
 
+    /// Values and errors of the file's beside a set, in standard deviations of what is known of them.
+    pub fn known_beside(&self, names: Names) -> Vec<[f64; 2]> {
+        let total = self.total();
+        let (prior, _) = self.prior();
+        let laws = self.places(names);
+        let known = self.law_columns..self.columns.len() - self.shared_columns;
+        let all: Vec<usize> = laws.iter().copied().chain(known.clone()).collect();
+        let mut matrix =
+            DMatrix::from_fn(all.len(), all.len(), |i, j| total.gram[(all[i], all[j])]);
+        for (i, place) in all.iter().enumerate() {
+            matrix[(i, i)] += match place.checked_sub(self.law_columns) {
+                None => self.lift[*place],
+                Some(at) => prior[(at, at)],
+            };
+        }
+        let variance = match matrix.cholesky() {
+            Some(solved) => solved.inverse().diagonal() / self.row_precision(),
+            None => DVector::from_element(all.len(), 1.0),
+        };
+        let values = self.values_beside(names);
+        let errors = variance.iter().skip(laws.len()).map(|v| v.max(0.0).sqrt());
+        values
+            .into_iter()
+            .zip(errors)
+            .map(|(value, error)| [value, error])
+            .collect()
+    }
+
     /// Sums of squares that a set leaves out, part by part, with the columns in every set held at these values; those that are not told are
     /// none.
     pub fn left_at(&self, names: Names, beside: &[f64]) -> [f64; PARTS] {

@@ -509,7 +509,7 @@ fn regimes_of_motor(found: &Found<'_>, gap_nm: &[f64]) -> Vec<Regime> {
 }
 
 /// Shares of the gap's square in five ranges of a variable, each with as many rows.
-fn regimes(variable: &str, values: &[f64], gap_nm: &[f64]) -> Vec<Regime> {
+pub fn regimes(variable: &str, values: &[f64], gap_nm: &[f64]) -> Vec<Regime> {
     const RANGES: usize = 5;
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|a, b| values[*a].total_cmp(&values[*b]));

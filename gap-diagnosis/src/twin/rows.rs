@@ -6,12 +6,13 @@ use super::Piece;
 use crate::joint::JointModel;
 use crate::observe::Channel;
 use crate::rounding::Rounding;
-use crate::search::SLOWEST_LOOP_HZ;
 use crate::simulate::Between;
 use crate::smooth::derivative;
 use crate::stretch::JointStretch;
 use crate::vibration::Vibration;
 
+/// No robot's torque is controlled as slowly as this.
+const SLOWEST_LOOP_HZ: f64 = 200.0;
 /// Half the time over which the low-pass spreads what happens in an instant.
 const AROUND_S: f64 = 0.06;
 /// Of a bend from sample to sample, what a torque may have been off in between: a corner halfway between two is off by half.

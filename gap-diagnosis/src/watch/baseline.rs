@@ -4,15 +4,15 @@ use joint_model::rigid_body::Chain;
 use recording::{Recording, Signal};
 use robot::{Effect, Robot, Tolerance, changed_chain};
 
+use crate::closed_loop;
 use crate::diagnose::DiagnoseError;
-use crate::evidence::Probability;
-use crate::explain::{Explanation, explain};
 use crate::known::KnownValue;
 use crate::observe::Channel;
+use crate::report::Candidate;
 use crate::search::Search;
 use crate::stretch::stretches;
 use crate::twin::{Changes, JointTwin};
-use crate::whiten::{Floor, Reversals, Whitener};
+use crate::whiten::{Floor, Whitener};
 
 /// One joint as it was.
 #[derive(Clone, Debug)]
@@ -55,8 +55,8 @@ impl Baseline {
             return Ok(None);
         };
         let search = Search::new(&twin)?;
-        let explanation = explain(&search, &[])?;
-        let model = &explanation.refined.model;
+        let name = &robot.joints[joint].name;
+        let closed_loop::OfOne { model, .. } = closed_loop::one(&twin, name)?;
         let effects = model.changes(&search.scale).effects;
         let mended = with_effects(robot, joint, &effects);
         let (links, known): (Vec<_>, Vec<_>) = twin
@@ -123,9 +123,7 @@ impl Baseline {
             .zip(&simulated_nm)
             .map(|(a, b)| a - b)
             .collect();
-        let whitener = Whitener::new(&twin.rows, Reversals::DOUBTED, |row| {
-            self.floor(row.channel)
-        });
+        let whitener = Whitener::new(&twin.rows, |row| self.floor(row.channel));
         let white = whitener.apply(&residual_nm);
         let times = twin.rows.iter().map(|row| row.time_s);
         Ok(times.zip(white).map(|(time_s, w)| [time_s, w]).collect())
@@ -140,16 +138,14 @@ impl Baseline {
     ///
     /// # Errors
     /// [`DiagnoseError`].
-    pub fn look(&self, recording: &Recording) -> Result<Vec<Probability>, DiagnoseError> {
+    pub fn look(&self, recording: &Recording) -> Result<Vec<Candidate>, DiagnoseError> {
         let table = torque_of_one(&self.mended, self.joint, recording);
         let stretches = stretches(&[&table], &self.mended)?;
         let Some(twin) = JointTwin::new(&self.mended, self.joint, &stretches)? else {
             return Ok(Vec::new());
         };
-        let search = Search::new(&twin)?;
-        let Explanation { rounds, .. } = explain(&search, &[])?;
-        let first = rounds.into_iter().next();
-        Ok(first.map_or_else(Vec::new, |step| step.probabilities))
+        let name = &self.mended.joints[self.joint].name;
+        Ok(closed_loop::one(&twin, name)?.candidates)
     }
 }
 

@@ -15,7 +15,6 @@ use serde::Serialize;
 
 use crate::data::Checked;
 use crate::diagnose::DiagnoseError;
-use crate::evidence::Probability;
 use crate::mend;
 use crate::on_all_cores::OnAllCores;
 use crate::report::Candidate;
@@ -380,22 +379,22 @@ impl Suspecting {
             Err(DiagnoseError::Stretch(StretchError::Short { .. })) => Vec::new(),
             other => other?,
         };
-        let none = probability(&candidates, "none").unwrap_or(1.0);
+        let none = none(&candidates);
         let best = candidates.iter().find(|c| c.effect != "none");
         // a push or a stall has no name either, but it passes
         let may_pass = best.is_some_and(|best| best.effect == "unknown") && !is_last;
         let sure = (none < 1.0 - SURE && !may_pass) || (is_last && none < 0.5);
-        let is_new = best.is_some_and(|best| self.told.as_deref() != Some(best.effect));
+        let is_new = best.is_some_and(|best| self.told.as_deref() != Some(best.effect.as_str()));
         let tell = sure && is_new && (self.told.is_some() || self.has_changed(seen, &since)?);
         let event = if tell {
             let again = self.told.is_some();
-            self.told = best.map(|best| best.effect.to_owned());
+            self.told = best.map(|best| best.effect.clone());
             Some(Event::Gap(Alarm {
                 joint: name.to_owned(),
                 appeared_s: self.appeared_s,
                 noticed_s: self.noticed_s,
                 at_s: seen.now_s,
-                candidates: candidates.iter().take(TOLD).map(told).collect(),
+                candidates: candidates.into_iter().take(TOLD).collect(),
                 again,
             }))
         } else if is_last && self.told.is_none() {
@@ -427,14 +426,11 @@ impl Suspecting {
     }
 }
 
-fn probability(candidates: &[Probability], effect: &str) -> Option<f64> {
-    let found = candidates.iter().find(|c| c.effect == effect);
-    found.map(|c| c.probability)
-}
-
-fn told(candidate: &Probability) -> Candidate {
-    Candidate {
-        effect: candidate.effect.to_owned(),
-        probability: candidate.probability,
+/// Probability that there is no gap: where nothing could be looked at there is none.
+fn none(candidates: &[Candidate]) -> f64 {
+    if candidates.is_empty() {
+        return 1.0;
     }
+    let found = candidates.iter().find(|c| c.effect == "none");
+    found.map_or(0.0, |c| c.probability)
 }

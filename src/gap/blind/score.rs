@@ -102,8 +102,9 @@ fn oracle(cases: &Path, labels: &[Label]) -> Result<BTreeMap<String, f64>, CliEr
             .collect();
         let recordings = [(blind::CASE_FILES[1].to_owned(), recording)];
         if let Some(joint) = joint
-            && let Some(shrink) = gap_diagnosis::oracle::shrink(&robot, &recordings, joint, &names)
-                .map_err(CliError::input)?
+            && let Some(shrink) =
+                gap_diagnosis::closed_loop::named::shrink(&robot, &recordings, joint, &names)
+                    .map_err(CliError::input)?
         {
             shrinks.insert(label.case.clone(), shrink);
         }
