@@ -22,7 +22,7 @@ use crate::rig::{Rig, RigKind, joint_limit_nm};
 use crate::sizes::Sizes;
 use crate::strength::{Found, search};
 use crate::tolerance::Tolerance;
-use crate::unlisted::{LAWS, Unlisted};
+use crate::unlisted::Unlisted;
 
 /// Rigs and motions that are drawn before a case is given up.
 const DRAWS: usize = 40;
@@ -32,6 +32,8 @@ const EFFECTS_TRIED: usize = 5;
 const TORQUE_USED: f64 = 0.95;
 /// Gaps over noise below this are as small as what nobody can know, whatever causes them.
 const SMALL_LEVEL: f64 = 0.5;
+/// Draws of an effect whose shape is free that are held against a law on no list.
+const SHAPES: usize = 2;
 /// The strongest unlisted law, as part of the drive's torque.
 const UNLISTED_MOST: f64 = 0.25;
 
@@ -323,14 +325,8 @@ impl<'a> Stand<'a> {
         };
         let entry = |effect: Effect, gap_to_noise: f64| {
             let true_effect = TrueEffect {
-                joint: on.map(|joint| self.rig.robot.joints[joint].name.clone()),
-                effect,
-                stage: Stage::of(effect.name()),
                 gap_to_noise,
-                equivalents: equivalents(&effect, kind)
-                    .iter()
-                    .map(|name| (*name).to_owned())
-                    .collect(),
+                ..self.entry(on, effect, kind)
             };
             let injection = Injection {
                 joint: on,
@@ -357,19 +353,29 @@ impl<'a> Stand<'a> {
 
     fn unlisted(
         &self,
+        plan: &CasePlan,
         law: usize,
-        level: f64,
-        duration_s: f64,
         random: &mut Random,
     ) -> Result<Option<TrueUnlisted>, BlindError> {
         let joint = random.index(self.sizes.len());
         let sizes = &self.sizes[joint];
-        let law = Unlisted::draw(law, joint, self.sizes.len(), sizes, duration_s, random);
+        let joints = self.sizes.len();
+        let law = Unlisted::draw(
+            plan.seed,
+            law,
+            joint,
+            joints,
+            sizes,
+            plan.duration_s,
+            random,
+        );
+        let level = plan.level;
         let entry = |nm: f64, gap_to_noise: f64| TrueUnlisted {
             joint: self.rig.robot.joints[joint].name.clone(),
             law: law.clone(),
             nm,
             gap_to_noise,
+            in_common: BTreeMap::new(),
         };
         let most_nm = UNLISTED_MOST * sizes.limit_nm;
         let found = self.scale(level, most_nm, &[joint], |nm| Truth {
@@ -385,8 +391,78 @@ impl<'a> Stand<'a> {
             ..Truth::default()
         };
         let is_gap = level < SMALL_LEVEL || self.is_gap(&truth, &[joint])?;
-        Ok(is_gap.then_some(unlisted))
+        if !is_gap {
+            return Ok(None);
+        }
+        let in_common = self.in_common(&truth, joint, plan.rig, random)?;
+        Ok(Some(TrueUnlisted {
+            in_common,
+            ..unlisted
+        }))
     }
+
+    /// What each effect of the list has in common with a truth at a joint: the part of the change's square that the plant with that effect
+    /// in it makes too, at the strength that fits best. Of an effect whose shape is free the most that some draws of it have.
+    fn in_common(
+        &self,
+        truth: &Truth,
+        joint: usize,
+        kind: RigKind,
+        random: &mut Random,
+    ) -> Result<BTreeMap<String, f64>, BlindError> {
+        let Some(changes_nm) = self.changes_nm(truth)? else {
+            return Ok(BTreeMap::new());
+        };
+        let change_nm = &changes_nm[joint];
+        let mut all = BTreeMap::new();
+        for name in Effect::names() {
+            let mut most: f64 = 0.0;
+            for _ in 0..SHAPES {
+                let Some(family) = draw(name, kind, &self.sizes[joint], random) else {
+                    break;
+                };
+                let effect = (family.make)(0.5 * family.most);
+                let on = (!effect.is_whole_arm()).then_some(joint);
+                let injection = Injection {
+                    joint: on,
+                    effect,
+                    start_s: 0.0,
+                };
+                let alike = Truth {
+                    effects: vec![(self.entry(on, effect, kind), injection)],
+                    ..Truth::default()
+                };
+                if let Some(alike_nm) = self.changes_nm(&alike)? {
+                    most = most.max(common(change_nm, &alike_nm[joint]));
+                }
+            }
+            if most > 0.0 {
+                all.insert((*name).to_owned(), most);
+            }
+        }
+        Ok(all)
+    }
+
+    /// An effect as a label tells it, its gap not known yet.
+    fn entry(&self, on: Option<usize>, effect: Effect, kind: RigKind) -> TrueEffect {
+        TrueEffect {
+            joint: on.map(|joint| self.rig.robot.joints[joint].name.clone()),
+            effect,
+            stage: Stage::of(effect.name()),
+            gap_to_noise: 0.0,
+            equivalents: equivalents(&effect, kind)
+                .iter()
+                .map(|name| (*name).to_owned())
+                .collect(),
+        }
+    }
+}
+
+/// Part of one signal's square that another, at the size that fits best, has in common with it.
+fn common(of: &[f64], other: &[f64]) -> f64 {
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let squares = product(of, of) * product(other, other);
+    product(of, other).powi(2) / squares.max(f64::MIN_POSITIVE)
 }
 
 fn within_torque(robot: &Robot, run: &Run) -> bool {
@@ -409,8 +485,8 @@ fn truth(
     match (plan.kind, design) {
         (CaseKind::NoGap, _) => Ok(Some(Truth::default())),
         (CaseKind::Unknown, _) => {
-            let law = (plan.ordinal + attempt / 4) % LAWS;
-            let unlisted = stand.unlisted(law, plan.level, plan.duration_s, random)?;
+            let law = plan.ordinal + attempt / 4;
+            let unlisted = stand.unlisted(plan, law, random)?;
             Ok(unlisted.map(|unlisted| Truth {
                 unlisted: Some(unlisted),
                 ..Truth::default()

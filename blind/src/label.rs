@@ -94,4 +94,14 @@ pub struct TrueUnlisted {
     pub nm: f64,
     /// As that of [`TrueEffect`].
     pub gap_to_noise: f64,
+    /// Part of its square that an effect of the list has in common with it on this motion, by name; none where that is nothing.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub in_common: BTreeMap<String, f64>,
+}
+
+impl TrueUnlisted {
+    /// Part of it that a name may take.
+    pub fn in_common(&self, name: &str) -> f64 {
+        self.in_common.get(name).copied().unwrap_or(0.0)
+    }
 }

@@ -5,7 +5,6 @@ use robot::Effect;
 use crate::label::CaseKind;
 use crate::random::Random;
 use crate::rig::RigKind;
-use crate::unlisted::LAWS;
 
 /// Share of each kind.
 const MIX: [(CaseKind, f64); 5] = [
@@ -18,6 +17,8 @@ const MIX: [(CaseKind, f64); 5] = [
 /// Gaps over noise; the last is rare.
 const LEVELS: [f64; 3] = [1.0, 3.0, 0.3];
 const RARE_LEVEL: f64 = 0.1;
+/// Where the count of a kind may begin: every law of either half, and every design, comes first as often as any other.
+const ORDINALS: usize = 72;
 /// The random streams of cases begin here; those below are the plan's.
 const FIRST_STREAM: u64 = 16;
 
@@ -130,7 +131,7 @@ impl Turns {
     fn ordinal(&mut self, kind: CaseKind, random: &mut Random) -> usize {
         let count = &mut self.counts[kind as usize];
         if *count == 0 {
-            *count = random.index(LAWS);
+            *count = random.index(ORDINALS);
         }
         *count += 1;
         *count

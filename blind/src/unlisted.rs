@@ -1,15 +1,17 @@
-//! Torques that are on no list, for which `unknown` is the only right answer.
+//! Torques that are on no list: what a name takes of one, beyond what that name's own law has in common with it, is told wrongly.
+//!
+//! There are two halves. Seeds that are even draw from the first and odd ones from the second, so that laws with which a diagnosis was
+//! developed are not those by which it is judged.
+
+mod at_work;
 
 use std::f64::consts::TAU;
 
-use plant_emulator::{ArmMotion, Disturbance};
+use plant_emulator::Disturbance;
 use serde::{Deserialize, Serialize};
 
 use crate::random::Random;
 use crate::sizes::Sizes;
-
-/// Friction that comes from here turns round over this speed.
-const TURNING_RAD_S: f64 = 0.005;
 
 /// A law on no list; its strength is torque of the size of `nm`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -74,10 +76,68 @@ pub enum Unlisted {
         /// When, how long, and with which sign.
         bursts: Vec<[f64; 3]>,
     },
+    /// Detents: it is drawn into places along its way that are no part of a motor turn.
+    Detents {
+        /// From one to the next.
+        spacing_rad: f64,
+        /// How narrow: 0 is a sine.
+        sharpness: f64,
+        /// Where they begin.
+        phase_rad: f64,
+    },
+    /// A contact that grows stronger with the time it stands and is worn off on the way.
+    Ageing {
+        /// Standing so long makes it `nm` times the logarithm of two.
+        time_constant_s: f64,
+        /// Way on which it falls to 1/e.
+        memory_rad: f64,
+    },
+    /// A cable that drapes: it drags behind and turns round over a good part of the way.
+    Drape {
+        /// Way on which it comes along.
+        yield_rad: f64,
+    },
+    /// A ripple that grows with the square of the speed.
+    SpeedRipple {
+        /// Waves per radian of the joint, times 2π.
+        cycles: f64,
+        /// Speed at which it is `nm`.
+        speed_rad_s: f64,
+        /// At zero.
+        phase_rad: f64,
+    },
+    /// Friction that is run in.
+    RunningIn {
+        /// Way after which 1/e of it is left.
+        way_rad: f64,
+    },
+    /// Drag in one direction, in a part of the way.
+    OneWay {
+        /// From here on.
+        from_rad: f64,
+        /// It sets in over this way.
+        over_rad: f64,
+        /// Direction of motion.
+        sign: f64,
+    },
+    /// A torque by where another joint stands, or this one, as a link that the model lacks would make it.
+    CrossLoad {
+        /// Its index.
+        joint: usize,
+        /// Angle of the torque's wave per angle of that joint.
+        per_rad: f64,
+        /// At zero.
+        phase_rad: f64,
+    },
+    /// Drag by the root of the speed.
+    Root {
+        /// Speed at which it is `nm`.
+        speed_rad_s: f64,
+    },
 }
 
-/// How many laws there are.
-pub(crate) const LAWS: usize = 9;
+/// Laws of each half: even seeds, odd seeds.
+const HALVES: [usize; 2] = [9, 8];
 
 impl Unlisted {
     /// In a word or two.
@@ -92,11 +152,20 @@ impl Unlisted {
             Self::Step { .. } => "step",
             Self::Cushion { .. } => "cushion",
             Self::Snags { .. } => "snags",
+            Self::Detents { .. } => "detents",
+            Self::Ageing { .. } => "ageing contact",
+            Self::Drape { .. } => "drape",
+            Self::SpeedRipple { .. } => "ripple by speed",
+            Self::RunningIn { .. } => "running in",
+            Self::OneWay { .. } => "one-way drag",
+            Self::CrossLoad { .. } => "cross load",
+            Self::Root { .. } => "root of the speed",
         }
     }
 
-    /// The law of that number, as it suits a joint.
+    /// The law of that number in a seed's half, as it suits a joint.
     pub(crate) fn draw(
+        seed: u64,
         law: usize,
         joint: usize,
         joints: usize,
@@ -106,6 +175,8 @@ impl Unlisted {
     ) -> Self {
         let [low_rad, high_rad] = sizes.position_rad;
         let span_rad = high_rad - low_rad;
+        let half = usize::from(seed % 2 == 1);
+        let law = law % HALVES[half] + if half == 1 { HALVES[0] } else { 0 };
         match law {
             0 => Self::FrictionBump {
                 at_rad: low_rad + span_rad * random.between(0.25, 0.75),
@@ -154,7 +225,7 @@ impl Unlisted {
                     sign,
                 }
             }
-            _ => Self::Snags {
+            8 => Self::Snags {
                 bursts: (0..6 + random.index(8))
                     .map(|_| {
                         [
@@ -165,93 +236,44 @@ impl Unlisted {
                     })
                     .collect(),
             },
+            9 => Self::Detents {
+                spacing_rad: span_rad * random.between(0.08, 0.3),
+                sharpness: random.between(0.0, 3.0),
+                phase_rad: random.between(0.0, TAU),
+            },
+            10 => Self::Ageing {
+                time_constant_s: random.magnitude(0.02, 0.2),
+                memory_rad: span_rad * random.between(0.02, 0.08),
+            },
+            11 => Self::Drape {
+                yield_rad: span_rad * random.between(0.05, 0.3),
+            },
+            12 => Self::SpeedRipple {
+                cycles: TAU / (span_rad * random.between(0.08, 0.4)),
+                speed_rad_s: 0.5 * sizes.speed_rad_s,
+                phase_rad: random.between(0.0, TAU),
+            },
+            13 => Self::RunningIn {
+                way_rad: span_rad * random.between(1.0, 5.0),
+            },
+            14 => Self::OneWay {
+                from_rad: low_rad + span_rad * random.between(0.3, 0.7),
+                over_rad: 0.05 * span_rad,
+                sign: random.sign(),
+            },
+            15 => Self::CrossLoad {
+                joint: (joint + random.index(joints)) % joints,
+                per_rad: random.between(2.0, 5.0),
+                phase_rad: random.between(0.0, TAU),
+            },
+            _ => Self::Root {
+                speed_rad_s: 0.5 * sizes.speed_rad_s,
+            },
         }
     }
 
     /// The law at work on a joint, as strong as this.
     pub(crate) fn at(&self, joint: usize, nm: f64) -> Box<dyn Disturbance> {
-        Box::new(AtWork {
-            law: self.clone(),
-            joint,
-            nm,
-            smooth_rad_s: [0.0; 2],
-            since_reversal_s: 0.0,
-            direction: 0.0,
-        })
-    }
-}
-
-#[derive(Debug)]
-struct AtWork {
-    law: Unlisted,
-    joint: usize,
-    nm: f64,
-    /// Velocity through one low-pass and through two.
-    smooth_rad_s: [f64; 2],
-    since_reversal_s: f64,
-    direction: f64,
-}
-
-impl Disturbance for AtWork {
-    fn torque_nm(&mut self, arm: &ArmMotion<'_>) -> f64 {
-        let position_rad = arm.link_position_rad[self.joint];
-        let velocity_rad_s = arm.link_velocity_rad_s[self.joint];
-        let against = -(velocity_rad_s / TURNING_RAD_S).tanh();
-        let shape = match &self.law {
-            Unlisted::FrictionBump { at_rad, width_rad } => {
-                against * (-0.5 * ((position_rad - at_rad) / width_rad).powi(2)).exp()
-            }
-            Unlisted::Coupling { joint, speed_rad_s } => {
-                -arm.link_velocity_rad_s[*joint] / speed_rad_s
-            }
-            Unlisted::Jerk {
-                jerk_rad_s3,
-                smoothing_s,
-            } => {
-                let [once, twice] = &mut self.smooth_rad_s;
-                let share = (arm.step_s / smoothing_s).min(1.0);
-                *once += share * (velocity_rad_s - *once);
-                *twice += share * (*once - *twice);
-                let jerk_rad_s3_now = (velocity_rad_s - 2.0 * *once + *twice) / smoothing_s.powi(2);
-                -(jerk_rad_s3_now / jerk_rad_s3).clamp(-5.0, 5.0)
-            }
-            Unlisted::Vibration {
-                frequency_hz,
-                phase_rad,
-            } => (TAU * frequency_hz * arm.time_s + phase_rad).sin(),
-            Unlisted::Wandering { lines } => lines
-                .iter()
-                .map(|[amplitude, hz, phase_rad]| {
-                    amplitude * (TAU * hz * arm.time_s + phase_rad).sin()
-                })
-                .sum(),
-            Unlisted::ReversalGrowth { time_constant_s } => {
-                if velocity_rad_s.abs() > TURNING_RAD_S && velocity_rad_s.signum() != self.direction
-                {
-                    self.direction = velocity_rad_s.signum();
-                    self.since_reversal_s = 0.0;
-                }
-                self.since_reversal_s += arm.step_s;
-                against * -(-self.since_reversal_s / time_constant_s).exp_m1()
-            }
-            Unlisted::Step { at_s, sign } => sign * ((arm.time_s - at_s) / 0.05).clamp(0.0, 1.0),
-            Unlisted::Cushion {
-                from_rad,
-                depth_rad,
-                sign,
-            } => -sign * (sign * (position_rad - from_rad) / depth_rad).max(0.0),
-            Unlisted::Snags { bursts } => bursts
-                .iter()
-                .map(|[at_s, length_s, sign]| {
-                    let inside = (arm.time_s - at_s) / length_s;
-                    if (0.0..1.0).contains(&inside) {
-                        sign * (TAU / 2.0 * inside).sin()
-                    } else {
-                        0.0
-                    }
-                })
-                .sum(),
-        };
-        self.nm * shape
+        Box::new(at_work::AtWork::new(self.clone(), joint, nm))
     }
 }

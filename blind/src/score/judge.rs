@@ -14,6 +14,10 @@ use crate::score::parameters::{ParameterError, parameter_errors};
 const NONE: &str = "none";
 /// The candidate that stands for an effect on no list.
 const UNKNOWN: &str = "unknown";
+/// Part of a gap that a name may take of a law on no list beyond what that has in common with it: shares are known to a tenth.
+const BEYOND: f64 = 0.1;
+/// Part of a law on no list that makes a name right for the largest part of it.
+const MOST: f64 = 0.5;
 
 /// What is right and wrong about the prediction for one case. None where the question is not asked of its kind.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -44,7 +48,7 @@ pub struct Judgement {
     pub joint: Option<bool>,
     /// One effect: the stage is right.
     pub stage: Option<bool>,
-    /// Unknown: no effect of the list was named for it.
+    /// Unknown: a gap was told, and no effect of the list took more of it than it has in common with the law, and a tenth.
     pub unknown_recognised: Option<bool>,
     /// One or two effects: called unknown.
     pub called_unknown: Option<bool>,
@@ -134,7 +138,7 @@ pub(super) fn judge(
         set_size: asked(one).then(|| view.as_ref().map_or(0, View::set_size)),
         joint: answer(one, &|view| view.joint_is_right(), false),
         stage: answer(one, &|view| view.stage_is_right(), false),
-        unknown_recognised: answer(&[CaseKind::Unknown], &|view| view.says_unknown(), false),
+        unknown_recognised: answer(&[CaseKind::Unknown], &|view| view.takes_no_more(), false),
         called_unknown: answer(
             &[CaseKind::OneEffect, CaseKind::TwoEffects],
             &|view| view.says_unknown(),
@@ -206,7 +210,10 @@ impl<'a> View<'a> {
     fn is_right(&self, name: &str) -> bool {
         match self.label.kind {
             CaseKind::NoGap => name == NONE,
-            CaseKind::Unknown => name == UNKNOWN,
+            CaseKind::Unknown => {
+                let law = self.label.unlisted.as_ref();
+                name == UNKNOWN || law.is_some_and(|law| law.in_common(name) >= MOST)
+            }
             CaseKind::Pair => self.label.pair.iter().any(|right| right == name),
             _ => self
                 .label
@@ -299,6 +306,22 @@ impl<'a> View<'a> {
             .is_some_and(|joint| joint.verdict == Verdict::Unexplained)
     }
 
+    /// Whether a gap is told of the joint with the law on no list, and names take no more of it than is theirs.
+    fn takes_no_more(&self) -> bool {
+        let (Some(law), Some(joint)) = (&self.label.unlisted, self.joint) else {
+            return false;
+        };
+        let is_theirs = |name: &str, share: f64| share <= law.in_common(name) + BEYOND;
+        let mut own = joint.effects.iter();
+        let mut shared = self.report.shared_effects.iter();
+        is_flagged(joint.verdict)
+            && own.all(|found| is_theirs(&found.effect, found.share))
+            && shared.all(|shared| {
+                let share = shared.joint_shares.get(&joint.joint);
+                share.is_none_or(|share| is_theirs(&shared.effect.effect, share.share))
+            })
+    }
+
     fn says_not_separable(&self) -> bool {
         let Some((truth, alike)) = self.label.pair.split_first() else {
             return false;
@@ -333,6 +356,19 @@ impl<'a> View<'a> {
                     right += 1;
                 }
                 None => wrong += 1,
+            }
+        }
+        // what a report tells as minor it has found, and it is no error
+        for joint in &self.report.joints {
+            for found in &joint.minor_effects {
+                let matching = open.iter().position(|truth| {
+                    let here = truth.joint.as_ref().is_none_or(|on| *on == joint.joint);
+                    here && is_name_of(truth, &found.effect)
+                });
+                if let Some(index) = matching {
+                    open.swap_remove(index);
+                    right += 1;
+                }
             }
         }
         [right, wrong, open.len()]

@@ -66,6 +66,7 @@ fn labels() -> Vec<Label> {
                 },
                 nm: 1.0,
                 gap_to_noise: 3.0,
+                in_common: BTreeMap::from([("coulomb_friction".to_owned(), 0.6)]),
             }),
             ..label("unknown", CaseKind::Unknown)
         },
@@ -245,21 +246,55 @@ fn a_wrong_joint_an_alarm_and_a_name_for_the_unknown_are_each_counted() {
         "transmission",
     );
     let wrong = report(&[other.clone(), quiet("joint2")]);
-    let named = loud(
-        "joint2",
-        "explained",
-        "coulomb_friction",
-        json!({}),
-        "transmission",
-    );
     let scores = scores_with(&[
         ("one", wrong.clone()),
         ("none", wrong),
-        ("unknown", report(&[quiet("joint1"), named])),
+        (
+            "unknown",
+            report(&[quiet("joint1"), taking("coulomb_friction", 0.9)]),
+        ),
     ]);
     let all = &scores.all;
     assert_eq!((all.joint.hits, all.false_alarms.hits), (1, 1));
     assert_eq!((all.unknown_recognised.hits, scores.misses.len()), (0, 3));
+}
+
+/// The second joint, partly explained by a name that takes a share.
+fn taking(name: &str, share: f64) -> Value {
+    let mut joint = loud(
+        "joint2",
+        "partly_explained",
+        name,
+        json!({}),
+        "transmission",
+    );
+    joint["effects"][0]["share"] = json!(share);
+    joint["remaining_share"] = json!(1.0 - share);
+    joint
+}
+
+#[test]
+fn a_name_may_take_of_a_law_on_no_list_what_it_has_in_common_with_it() {
+    let hits = |name: &str, share: f64| {
+        let report = report(&[quiet("joint1"), taking(name, share)]);
+        scores_with(&[("unknown", report)])
+            .all
+            .unknown_recognised
+            .hits
+    };
+    assert_eq!(hits("coulomb_friction", 0.65), 1);
+    assert_eq!(hits("coulomb_friction", 0.75), 0);
+    assert_eq!(hits("torque_ripple", 0.05), 1);
+    assert_eq!(hits("torque_ripple", 0.65), 0);
+}
+
+#[test]
+fn a_true_name_among_the_minor_effects_is_found() {
+    let mut both = omniscient()["two"].clone().unwrap();
+    let joint = &mut both.joints[0];
+    joint.minor_effects.append(&mut joint.effects);
+    let scores = scores_with(&[("two", both)]);
+    assert_eq!(scores.all.two_effects_f1.unwrap().value, 1.0);
 }
 
 #[test]
