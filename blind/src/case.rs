@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use gap_diagnosis::stage::Stage;
+use gap_diagnosis::effects::stage::Stage;
 use motion::Trajectory;
 use plant_emulator::PlantParameters;
 use robot::{Effect, Injection, Robot};

@@ -2,7 +2,7 @@
 //!
 //! `r = F[τ] - J·q̈ - RNEA(q, q̇, q̈)`, joint side, with `q = F[motor angle over ratio]`, `F` a low-pass without delay.
 
-use gap_diagnosis::smooth::low_pass;
+use gap_diagnosis::signal::smooth::low_pass;
 use joint_model::filter::FilterError;
 use robot::Robot;
 

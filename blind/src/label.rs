@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use gap_diagnosis::stage::Stage;
+use gap_diagnosis::effects::stage::Stage;
 use robot::Effect;
 use serde::{Deserialize, Serialize};
 

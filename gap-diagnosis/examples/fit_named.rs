@@ -12,10 +12,10 @@ use std::error::Error;
 use std::path::Path;
 
 use gap_diagnosis::closed_loop::named::refitted;
-use gap_diagnosis::hypothesis::{Hypothesis, Shown, plain};
-use gap_diagnosis::search::{Model, Search, Term};
-use gap_diagnosis::stretch::stretches;
+use gap_diagnosis::closed_loop::search::{Model, Search, Term};
+use gap_diagnosis::effects::{Hypothesis, Shown, plain};
 use gap_diagnosis::twin::JointTwin;
+use gap_diagnosis::twin::stretch::stretches;
 
 const JOINT: usize = 0;
 

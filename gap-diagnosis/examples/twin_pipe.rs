@@ -20,13 +20,13 @@ use std::error::Error;
 use std::io::{BufRead, Write};
 use std::path::Path;
 
+use gap_diagnosis::closed_loop::values::mean_square;
 use gap_diagnosis::closed_loop::named::refitted;
-use gap_diagnosis::hypothesis::{Shown, plain};
-use gap_diagnosis::judge::mean_square;
-use gap_diagnosis::known::Known;
-use gap_diagnosis::observe::Channel;
-use gap_diagnosis::search::{Model, Search, Term};
-use gap_diagnosis::stretch::stretches;
+use gap_diagnosis::closed_loop::search::{Model, Search, Term};
+use gap_diagnosis::effects::{Shown, plain};
+use gap_diagnosis::twin::known::Known;
+use gap_diagnosis::twin::observe::Channel;
+use gap_diagnosis::twin::stretch::stretches;
 use gap_diagnosis::twin::{Changes, JointTwin};
 use robot::Effect;
 

@@ -8,18 +8,18 @@ use nalgebra::{DMatrix, DVector};
 use recording::Recording;
 use robot::Robot;
 
+use crate::checks::mend;
+use crate::closed_loop::search::{Search, Term};
+use crate::closed_loop::values;
 use crate::closed_loop::{self, About};
 use crate::diagnose::{DiagnoseError, blank_report, insufficient};
-use crate::judge;
-use crate::mend;
-use crate::observe::Channel;
 use crate::on_all_cores::OnAllCores;
 use crate::report::{
     BeforeAfter, Candidate, Gap, JointReport, NamedEffect, Remaining, Report, Verdict, Where,
 };
-use crate::search::{Search, Term};
-use crate::stretch::stretches;
 use crate::twin::JointTwin;
+use crate::twin::observe::Channel;
+use crate::twin::stretch::stretches;
 
 /// A method that people use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -157,7 +157,7 @@ fn told(name: &str, search: &Search<'_>, choices: Vec<Choice>) -> JointReport {
         .map(|term| NamedEffect {
             effect: choices[0].effect.to_owned(),
             probability: candidates[0].probability,
-            parameters: judge::term_parameters(search, term, &DMatrix::zeros(0, 0)).0,
+            parameters: values::term_parameters(search, term, &DMatrix::zeros(0, 0)).0,
             side: None,
             share: 0.0,
             share_low: 0.0,
@@ -166,7 +166,7 @@ fn told(name: &str, search: &Search<'_>, choices: Vec<Choice>) -> JointReport {
         })
         .collect();
     let stage = choices[0].term.as_ref().map(|term| term.hypothesis.stage());
-    let before_nm = judge::mean_square(search, &search.measured_nm, Channel::Motor);
+    let before_nm = values::mean_square(search, &search.measured_nm, Channel::Motor);
     JointReport {
         joint: name.to_owned(),
         verdict: if effects.is_empty() {

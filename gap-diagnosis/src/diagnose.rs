@@ -2,21 +2,18 @@
 
 use joint_model::filter::FilterError;
 use recording::Recording;
-use robot::{Effect, Robot};
+use robot::Robot;
 
-use crate::control;
-use crate::found::Found;
-use crate::hypothesis;
-use crate::mend;
+use crate::checks::found::Found;
+use crate::checks::mend;
+use crate::checks::samples;
+use crate::checks::timing::Timing;
 use crate::on_all_cores::OnAllCores;
 use crate::report::{
     Candidate, DataFinding, Gap, JointReport, Remaining, Report, SCHEMA, TwinKind, Verdict, Where,
 };
-use crate::samples;
-use crate::scale::Scale;
-use crate::search::Term;
-use crate::stretch::StretchError;
-use crate::timing::Timing;
+use crate::twin::control;
+use crate::twin::stretch::StretchError;
 
 /// Why a diagnosis cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -147,24 +144,6 @@ pub(crate) fn blank_report(
 fn seconds(recording: &Recording) -> f64 {
     let ends = recording.time_s.last().zip(recording.time_s.first());
     ends.map_or(0.0, |(last, first)| last - first)
-}
-
-/// What the samples settle already, for the twin.
-pub fn settled(counted: &[Found], scale: &Scale) -> Vec<Term> {
-    counted
-        .iter()
-        .filter_map(|found| {
-            let (hypothesis, amplitude) = match found.effect {
-                Effect::CurrentLoopLag { time_constant_s } => hypothesis::lag(time_constant_s),
-                Effect::CommandDelay { delay_s } => hypothesis::delay(delay_s, scale),
-                _ => return None,
-            };
-            Some(Term {
-                hypothesis,
-                amplitudes: vec![amplitude],
-            })
-        })
-        .collect()
 }
 
 pub(crate) fn insufficient(joint: &str, why: String) -> JointReport {

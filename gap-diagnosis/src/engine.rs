@@ -4,11 +4,12 @@ use recording::{Recording, Signal};
 use robot::{Robot, RobotJoint};
 
 use crate::closed_loop;
-use crate::control;
 use crate::diagnose::{DiagnoseError, Diagnosis, Progress};
-use crate::regression;
+use crate::evidence;
+use crate::recorded_motion;
 use crate::report::DataFinding;
-use crate::stretch::measured;
+use crate::twin::control;
+use crate::twin::stretch::measured;
 
 /// What the recording is held against.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +33,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             engine: None,
-            materiality: regression::MATERIALITY,
+            materiality: evidence::told::MATERIALITY,
         }
     }
 }
@@ -85,7 +86,9 @@ pub fn diagnose(
 ) -> Result<Diagnosis, DiagnoseError> {
     let engine = options.engine;
     let diagnosed = match engine.unwrap_or_else(|| Engine::for_robot(robot, recordings)) {
-        Engine::Motion => regression::diagnose(robot, recordings, options.materiality, progress),
+        Engine::Motion => {
+            recorded_motion::diagnose(robot, recordings, options.materiality, progress)
+        }
         Engine::ClosedLoop => {
             closed_loop::diagnose(robot, recordings, options.materiality, progress)
         }

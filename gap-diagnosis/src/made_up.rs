@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use recording::{JointColumns, Recording, Signal};
 use robot::{Robot, RobotFile, RobotJoint, Source};
 
-use crate::search::uniform;
+use crate::signal::random::uniform;
 
 const RATE_HZ: f64 = 1000.0;
 const ROWS: usize = 12_000;

@@ -8,7 +8,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::stage::Stage;
+use crate::effects::stage::Stage;
 
 /// The only version there is.
 pub const SCHEMA: u32 = 2;

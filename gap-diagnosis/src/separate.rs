@@ -7,16 +7,16 @@
 use recording::Recording;
 use robot::{Effect, Robot};
 
+use crate::checks::mend;
+use crate::closed_loop::search::Search;
 use crate::diagnose::DiagnoseError;
+use crate::effects::{Hypothesis, Shown, periodic, plain};
+use crate::evidence::told::regimes;
 use crate::fit::{Bound, Fit};
-use crate::hypothesis::{Hypothesis, Shown, periodic, plain};
-use crate::mend;
-use crate::observe::Channel;
 use crate::on_all_cores::OnAllCores;
-use crate::regression::told::regimes;
 use crate::report::Regime;
-use crate::search::Search;
-use crate::stretch::stretches;
+use crate::twin::observe::Channel;
+use crate::twin::stretch::stretches;
 use crate::twin::{Changes, JointTwin, Row};
 
 /// Known values stay within so many of their deviations.

@@ -4,7 +4,9 @@ use std::fmt::Write;
 use std::path::Path;
 
 use comfy_table::{CellAlignment, Table, presets};
-use gap_diagnosis::repeats::{FALSE_ALARMS, Group, JointDeviation, JointScatter, Repeat, repeats};
+use gap_diagnosis::checks::repeats::{
+    FALSE_ALARMS, Group, JointDeviation, JointScatter, Repeat, repeats,
+};
 use recording::Recording;
 use report::number;
 use serde::Serialize;

@@ -11,7 +11,7 @@ use super::{read, read_of};
 use crate::cli::RecordingInfoArguments;
 use crate::error::CliError;
 use crate::output::{print, write_json};
-use gap_diagnosis::data::findings;
+use gap_diagnosis::checks::data::findings;
 
 /// One recording, for programs.
 #[derive(Serialize)]

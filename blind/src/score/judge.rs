@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use gap_diagnosis::effects::stage::Stage;
 use gap_diagnosis::report::{JointReport, Report, Verdict};
-use gap_diagnosis::stage::Stage;
 use serde::Serialize;
 
 use crate::label::{CaseKind, Label, TrueEffect};

@@ -2,7 +2,7 @@
 
 use robot::Effect;
 
-use crate::found::Found;
+use crate::checks::found::Found;
 
 /// Standard errors within which delays of several joints are one.
 const DELAYS_ALIKE_ERRORS: f64 = 2.0;

@@ -6,10 +6,10 @@ use nalgebra::DMatrix;
 use robot::Effect;
 
 use super::rows::About;
-use crate::judge;
-use crate::regression::told::Called;
+use crate::closed_loop::search::Search;
+use crate::closed_loop::values;
+use crate::evidence::told::Called;
 use crate::report::Parameter;
-use crate::search::Search;
 
 /// The items about one model.
 pub struct Responses<'a> {
@@ -48,6 +48,6 @@ impl Called for Responses<'_> {
         let skipped = usize::from(term.hypothesis.is_switch()).min(covariance.nrows());
         let count = covariance.nrows() - skipped;
         let own = covariance.view((skipped, skipped), (count, count));
-        judge::term_parameters(self.search, &term, &own.into_owned()).0
+        values::term_parameters(self.search, &term, &own.into_owned()).0
     }
 }

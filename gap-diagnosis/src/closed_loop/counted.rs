@@ -3,14 +3,34 @@
 
 use robot::Effect;
 
-use crate::found::Found;
-use crate::judge;
+use crate::checks::found::Found;
+use crate::closed_loop::search::Term;
+use crate::effects::numbers::{numbers, side};
 use crate::report::{Candidate, Confusable, JointReport, NamedEffect, Parameter, Verdict};
+use crate::twin::scale::Scale;
 
 /// Probability of what was counted in the samples, and of it beside something that the evidence names. Of 60 development cases with one
 /// of these none was wrong.
 const COUNTED: f64 = 0.97;
 const BESIDE: f64 = 0.85;
+
+/// What the samples settle already, for the twin.
+pub fn settled(counted: &[Found], scale: &Scale) -> Vec<Term> {
+    counted
+        .iter()
+        .filter_map(|found| {
+            let (hypothesis, amplitude) = match found.effect {
+                Effect::CurrentLoopLag { time_constant_s } => crate::effects::lag(time_constant_s),
+                Effect::CommandDelay { delay_s } => crate::effects::delay(delay_s, scale),
+                _ => return None,
+            };
+            Some(Term {
+                hypothesis,
+                amplitudes: vec![amplitude],
+            })
+        })
+        .collect()
+}
 
 /// Adds what was counted to a joint's report. `settled_share`: the part of the gap's energy that delay and lag take. `is_common`: whether
 /// a finding is told of the whole arm.
@@ -90,7 +110,7 @@ pub fn add(
     candidates.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     if report.place.stage.is_none() || !had_names {
         let first = report.effects.first();
-        report.place.stage = first.map(|first| crate::stage::Stage::of(&first.effect));
+        report.place.stage = first.map(|first| crate::effects::stage::Stage::of(&first.effect));
     }
     let because: Vec<&str> = counted.iter().map(|found| found.because.as_str()).collect();
     if !report.reason.is_empty() {
@@ -121,7 +141,7 @@ fn names(found: &Found) -> &[&'static str] {
 
 /// A finding as a report tells it.
 pub fn named_effect(found: &Found, share: f64) -> NamedEffect {
-    let parameters = judge::numbers(&found.effect).into_iter();
+    let parameters = numbers(&found.effect).into_iter();
     let parameters = parameters.map(|(name, value)| {
         let parameter = Parameter {
             value,
@@ -134,7 +154,7 @@ pub fn named_effect(found: &Found, share: f64) -> NamedEffect {
         effect: found.effect.name().to_owned(),
         probability: COUNTED / names(found).len() as f64,
         parameters: parameters.collect(),
-        side: judge::side(&found.effect),
+        side: side(&found.effect),
         share,
         share_low: share,
         share_high: share,

@@ -4,10 +4,16 @@
 mod bus;
 mod called;
 mod counted;
+mod findings;
 pub mod named;
 mod refine;
+pub mod repeated;
+pub mod respond;
 mod rows;
+pub mod search;
 mod shared;
+mod spectrum;
+pub mod values;
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -17,26 +23,25 @@ use joint_model::filter::FilterError;
 use recording::Recording;
 use robot::Robot;
 
-use crate::data::{self, Checked, ONE_FREQUENCY};
+use crate::checks::data::{Checked, ONE_FREQUENCY};
+use crate::checks::found::Found as Counted;
+use crate::closed_loop::repeated::Repeated;
+use crate::closed_loop::search::{Model, Search, Term};
 use crate::diagnose::{
-    DiagnoseError, Diagnosis, JointTraces, Prepared, Progress, blank_report, insufficient,
-    prepared, settled,
+    DiagnoseError, Diagnosis, JointTraces, Prepared, Progress, blank_report, insufficient, prepared,
 };
-use crate::found::Found as Counted;
-use crate::observe::Channel;
+use crate::evidence::remaining;
+use crate::evidence::rows::Rows;
+use crate::evidence::shares::Interval;
+use crate::evidence::told::{FLOOR, Found, MATERIALITY, Said};
+use crate::evidence::{Evidence, Problem, Scored};
 use crate::on_all_cores::OnAllCores;
-use crate::regression::evidence::{Evidence, Problem, Scored};
-use crate::regression::remaining;
-use crate::regression::rows::JointRows;
-use crate::regression::shares::Interval;
-use crate::regression::told::{FLOOR, Found, MATERIALITY, Said};
-use crate::repeats::floor::Repeated;
 use crate::report::{
     BeforeAfter, Candidate, DataFinding, Gap, JointReport, JointShare, SignalGap, Verdict,
 };
-use crate::search::{Model, Search, Term};
-use crate::stretch::stretches;
 use crate::twin::JointTwin;
+use crate::twin::observe::Channel;
+use crate::twin::stretch::stretches;
 use bus::{CommonDelay, common_delay};
 use called::Responses;
 use refine::{Worth, refined};
@@ -122,7 +127,7 @@ impl<'a> Joint<'a> {
             index,
             compared: Compared::of(&search, poverty.is_some()),
             poverty,
-            settled: settled(counted, &search.scale),
+            settled: counted::settled(counted, &search.scale),
             search,
         })
     }
@@ -223,7 +228,7 @@ impl<'a> Joint<'a> {
     }
 
     /// Rows of the motor's signal, as they count.
-    fn rows(&self) -> Result<JointRows, FilterError> {
+    fn rows(&self) -> Result<Rows, FilterError> {
         let gap_nm = self
             .compared
             .pick(&self.search.residual_nm(&Model::default())?);
@@ -235,7 +240,7 @@ impl<'a> Joint<'a> {
         };
         let count = of_motor.len();
         let both = measured_nm.iter().zip(&gap_nm).take(count);
-        Ok(JointRows {
+        Ok(Rows {
             time_s: row(|row| row.time_s),
             position_rad: row(|row| row.position_rad),
             velocity_rad_s: row(|row| row.velocity_rad_s),
@@ -243,7 +248,7 @@ impl<'a> Joint<'a> {
             since_reversal_s: self.since_reversal_s(),
             nominal_nm: both.map(|(measured, gap)| measured - gap).collect(),
             measured_nm: measured_nm[..count].to_vec(),
-            ..JointRows::default()
+            ..Rows::default()
         })
     }
 
@@ -353,7 +358,7 @@ impl<'a> Joint<'a> {
         counted::add(&mut report, counted, settled_share, is_common);
         let model = &explained.about.model;
         report.gap.position_rms_rad =
-            crate::judge::position_rms_rad(&self.search, &Model::default(), model);
+            crate::closed_loop::values::position_rms_rad(&self.search, &Model::default(), model);
         Ok(Told {
             report,
             traces: self.traces(name, model)?,
@@ -592,12 +597,12 @@ pub fn diagnose(
                 let told = joint.said(name, explained, &counted[index], &arm, materiality)?;
                 let mut findings: Vec<DataFinding> =
                     repeated.floor(name, &joint.search).into_iter().collect();
-                findings.extend(data::vibration(name, &joint.search));
+                findings.extend(findings::vibration(name, &joint.search));
                 if joint.poverty.is_none() {
                     // at one speed a delay and a zero are the same, and neither would be known to be off
                     let names = explained.sets[0].names;
                     let known = explained.evidence.known_beside(names);
-                    findings.extend(data::encoders(name, &joint.search, &known));
+                    findings.extend(findings::encoders(name, &joint.search, &known));
                 }
                 Ok(Some((told, findings)))
             })

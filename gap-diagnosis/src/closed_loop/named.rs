@@ -8,12 +8,12 @@ use robot::Robot;
 use super::Joint;
 use super::refine::{Worth, refined};
 use super::rows::{About, Compared};
+use crate::closed_loop::repeated::Repeated;
+use crate::closed_loop::search::{Model, Search};
 use crate::diagnose::{DiagnoseError, prepared};
-use crate::regression::evidence::{Evidence, Names, Settled};
-use crate::repeats::floor::Repeated;
-use crate::search::{Model, Search};
-use crate::stretch::stretches;
+use crate::evidence::{Evidence, Names, Settled};
 use crate::twin::JointTwin;
+use crate::twin::stretch::stretches;
 
 /// Rounds in which responses and values settle.
 const ROUNDS: usize = 2;

@@ -5,8 +5,8 @@ use joint_model::filter::FilterError;
 use nalgebra::{DMatrix, DVector};
 
 use super::rows::{Compared, own_columns};
-use crate::regression::evidence::Settled;
-use crate::search::{Model, Search, Term, difference};
+use crate::closed_loop::search::{Model, Search, Term, difference};
+use crate::evidence::Settled;
 
 /// Steps at most.
 const STEPS: usize = 6;

@@ -3,13 +3,13 @@
 
 use joint_model::filter::FilterError;
 
-use crate::hypothesis::Hypothesis;
-use crate::on_all_cores::OnAllCores;
-use crate::regression::evidence::{
+use crate::closed_loop::respond::Linear;
+use crate::closed_loop::search::{Model, Search, Term, difference};
+use crate::effects::Hypothesis;
+use crate::evidence::{
     AMPLITUDE_NATS, Evidence, Fit, ITEMS_MAX, Item, Message, NAME_NATS, Names, Problem, Span,
 };
-use crate::respond::Linear;
-use crate::search::{Model, Search, Term, difference};
+use crate::on_all_cores::OnAllCores;
 
 /// Standard errors by which a value may pass a limit that no joint passes.
 const ERRORS: f64 = 2.0;

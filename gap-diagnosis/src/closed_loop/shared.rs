@@ -9,13 +9,13 @@ use robot::{Effect, Robot};
 use super::bus::CommonDelay;
 use super::rows::{About, OfArm, own_columns};
 use super::{Explained, Joint, counted};
-use crate::hypothesis::Hypothesis;
+use crate::closed_loop::search::Term;
+use crate::effects::Hypothesis;
+use crate::evidence::Message;
+use crate::evidence::arm::{self, Cause};
+use crate::evidence::told::{self, TEMPERATURE};
 use crate::on_all_cores::OnAllCores;
-use crate::regression::arm::{self, Cause};
-use crate::regression::evidence::Message;
-use crate::regression::told::{self, TEMPERATURE};
 use crate::report::{JointShare, NamedEffect, SharedEffect};
-use crate::search::Term;
 
 /// Rounds in which joints tell each other of the cause: a payload's inertia is quadratic in its moments, which settle to a hundredth in
 /// three.

@@ -3,13 +3,13 @@
 use joint_model::friction::Sliding;
 
 use super::Piece;
-use crate::joint::JointModel;
-use crate::observe::Channel;
-use crate::rounding::Rounding;
-use crate::simulate::Between;
-use crate::smooth::derivative;
-use crate::stretch::JointStretch;
-use crate::vibration::Vibration;
+use crate::signal::rounding::Rounding;
+use crate::signal::smooth::derivative;
+use crate::twin::joint::JointModel;
+use crate::twin::observe::Channel;
+use crate::twin::simulate::Between;
+use crate::twin::stretch::JointStretch;
+use crate::twin::vibration::Vibration;
 
 /// No robot's torque is controlled as slowly as this.
 const SLOWEST_LOOP_HZ: f64 = 200.0;

@@ -3,10 +3,10 @@
 
 use joint_model::friction::Sliding;
 
-use crate::joint::JointModel;
-use crate::load::Load;
-use crate::observe::Band;
-use crate::simulate::{Between, Drive, Feedback, Trace};
+use crate::twin::joint::JointModel;
+use crate::twin::load::Load;
+use crate::twin::observe::Band;
+use crate::twin::simulate::{Between, Drive, Feedback, Trace};
 
 /// Part by which falling friction may make the rotor faster within a step, at most: friction acts through a step as it is at its
 /// beginning, and a joint that sticks and slips would do so otherwise.
@@ -116,10 +116,10 @@ mod tests {
     use robot::Effect;
 
     use super::{FASTER_MOST, falls_per_s};
-    use crate::joint::JointModel;
+    use crate::closed_loop::search::difference;
     use crate::made_up::robot;
-    use crate::search::difference;
-    use crate::stretch::stretches;
+    use crate::twin::joint::JointModel;
+    use crate::twin::stretch::stretches;
     use crate::twin::{Changes, JointTwin};
 
     const RATE_HZ: f64 = 1500.0;

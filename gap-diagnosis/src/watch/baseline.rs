@@ -5,14 +5,14 @@ use recording::{Recording, Signal};
 use robot::{Effect, Robot, Tolerance, changed_chain};
 
 use crate::closed_loop;
+use crate::closed_loop::search::Search;
 use crate::diagnose::DiagnoseError;
-use crate::known::KnownValue;
-use crate::observe::Channel;
 use crate::report::Candidate;
-use crate::search::Search;
-use crate::stretch::stretches;
+use crate::twin::known::KnownValue;
+use crate::twin::observe::Channel;
+use crate::twin::stretch::stretches;
+use crate::twin::whiten::{Floor, Whitener};
 use crate::twin::{Changes, JointTwin};
-use crate::whiten::{Floor, Whitener};
 
 /// One joint as it was.
 #[derive(Clone, Debug)]

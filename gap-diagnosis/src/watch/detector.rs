@@ -85,7 +85,7 @@ fn threshold(hops_between_alarms: f64) -> f64 {
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
     use super::*;
-    use crate::search::uniform;
+    use crate::signal::random::uniform;
 
     /// Mean squares of so many normal numbers each.
     fn squares(hops: usize, seed: u64) -> Vec<f64> {

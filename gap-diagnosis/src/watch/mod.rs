@@ -13,12 +13,12 @@ use recording::{JointCycle, Recording, Window};
 use robot::Robot;
 use serde::Serialize;
 
-use crate::data::Checked;
+use crate::checks::data::Checked;
+use crate::checks::mend;
 use crate::diagnose::DiagnoseError;
-use crate::mend;
 use crate::on_all_cores::OnAllCores;
 use crate::report::Candidate;
-use crate::stretch::StretchError;
+use crate::twin::stretch::StretchError;
 pub use baseline::Baseline;
 pub use detector::Detector;
 

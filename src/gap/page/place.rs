@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use gap_diagnosis::effects::stage::Stage;
 use gap_diagnosis::report::{JointReport, Regime, Report};
-use gap_diagnosis::stage::Stage;
 use report::{Axis, Column, Figure, HeatMap, Panel, Section, Series, Table, number};
 
 use super::with_gap;

@@ -1,0 +1,72 @@
+//! What a fit tells of the recording itself, beside every effect.
+
+use super::search::Search;
+use crate::report::DataFinding;
+use crate::twin::known::Known;
+
+/// A vibration that outpaces the joint's motion in this part of the rows is told.
+const VIBRATES: f64 = 0.2;
+/// By how much, as a part of the time between samples, a joint's two encoders must be read apart to be told.
+const SKEW_TOLD_PART: f64 = 0.25;
+/// By how much their zeros must lie apart.
+const ZERO_TOLD_RAD: f64 = 5e-4;
+/// Standard errors that both must be.
+const TOLD_ERRORS: f64 = 3.0;
+
+/// That a joint vibrates, where that outpaces its own motion for long.
+pub(crate) fn vibration(joint: &str, search: &Search<'_>) -> Option<DataFinding> {
+    let swing = search.twin.swing()?;
+    (swing.share > VIBRATES).then(|| DataFinding {
+        joint: Some(joint.to_owned()),
+        severity: "warning".to_owned(),
+        what: format!(
+            "vibrates at about {:.0} Hz by {:.2} mrad at the joint, faster than it moves, in {:.0} % of the rows; what friction does \
+             meanwhile counts little",
+            swing.frequency_hz,
+            1e3 * swing.amplitude_rad,
+            100.0 * swing.share,
+        ),
+        remedy: "record with a controller of lower gains".to_owned(),
+    })
+}
+
+/// That a joint's two encoders do not show the same angle at the same instant, by what a fit found of the file's values and their errors, in
+/// standard deviations.
+pub(crate) fn encoders(joint: &str, search: &Search<'_>, known: &[[f64; 2]]) -> Vec<DataFinding> {
+    let found = |value: Known| {
+        let of_twin = &search.twin.known;
+        let place = of_twin.iter().position(|known| known.known == value)?;
+        let [off, std] = known.get(place)?.map(|x| x * of_twin[place].deviation);
+        (off.abs() > TOLD_ERRORS * std).then_some((off, std))
+    };
+    let note = |what: String, remedy: &str| DataFinding {
+        joint: Some(joint.to_owned()),
+        severity: "note".to_owned(),
+        what,
+        remedy: remedy.to_owned(),
+    };
+    let period_s = search.scale.period_s;
+    let skew = found(Known::Skew).filter(|(skew_s, _)| skew_s.abs() > SKEW_TOLD_PART * period_s);
+    let skew = skew.map(|(skew_s, std_s)| {
+        let when = if skew_s > 0.0 { "later" } else { "earlier" };
+        let what = format!(
+            "the link's encoder is read {:.2} ± {:.2} ms {when} than the motor's, {:.2} of the time between samples; the \
+             diagnosis allows for it, but the twist between them is off by that times the velocity",
+            1e3 * skew_s.abs(),
+            1e3 * std_s,
+            skew_s.abs() / period_s,
+        );
+        note(what, "record both at the same instant")
+    });
+    let zero = found(Known::Zero).filter(|(zero_rad, _)| zero_rad.abs() > ZERO_TOLD_RAD);
+    let zero = zero.map(|(zero_rad, std_rad)| {
+        let what = format!(
+            "the link's encoder shows {:.2} ± {:.2} mrad {} than the motor's without load; the diagnosis allows for it",
+            1e3 * zero_rad.abs(),
+            1e3 * std_rad,
+            if zero_rad > 0.0 { "more" } else { "less" },
+        );
+        note(what, "set the zeros of both where no torque twists the gear")
+    });
+    skew.into_iter().chain(zero).collect()
+}

@@ -1,0 +1,254 @@
+//! Every effect of the table as something that can be fitted: amplitudes that enter linearly, and a shape that does not.
+//!
+//! One effect, one file; it says of itself what the trait `Form` asks. A new effect is a new file, and its line in the list of `list.rs`.
+
+mod asymmetric_friction;
+mod backlash;
+mod base_tilt;
+mod command_delay;
+mod coulomb_friction;
+mod current_loop_lag;
+mod encoder_eccentricity;
+mod encoder_offset;
+mod form;
+mod gravity_torque;
+mod joint_spring;
+mod kinematic_error;
+mod link_inertia;
+mod list;
+mod load_dependent_friction;
+pub mod numbers;
+mod payload;
+mod position_dependent_friction;
+mod quadratic_friction;
+mod rotor_inertia;
+mod sensor_delay;
+mod soft_windup;
+pub mod stage;
+mod stribeck_friction;
+mod structural_damping;
+mod thermal_friction_drift;
+mod torque_constant_error;
+mod torque_offset;
+mod torque_ripple;
+mod torque_saturation;
+mod torsional_compliance;
+mod torsional_hysteresis;
+mod viscous_friction;
+mod wave;
+
+use arrayvec::ArrayVec;
+use robot::Effect;
+
+use self::form::{Form, Turn};
+pub use self::list::{Shown, delay, lag, periodic, plain};
+use crate::effects::stage::Stage;
+use crate::twin::scale::Scale;
+
+/// An effect to be fitted, at one shape.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hypothesis {
+    /// Identifier of the effect.
+    pub effect: &'static str,
+    form: &'static dyn Form,
+    /// Parameters that do not enter linearly, each above zero.
+    pub shape: ArrayVec<f64, 2>,
+    /// Amplitude at which the response is found: one step, but for what answers a large one otherwise than many small ones.
+    reach: f64,
+}
+
+/// Amplitudes of a hypothesis: at most those of a payload.
+pub type Amplitudes = ArrayVec<f64, 4>;
+
+impl Hypothesis {
+    fn new(form: &'static dyn Form, shape: &[f64]) -> Self {
+        Self {
+            effect: form.name(),
+            form,
+            shape: shape.iter().copied().collect(),
+            reach: 1.0,
+        }
+    }
+
+    /// The same effect, with its response found at so large an amplitude.
+    pub(crate) fn reaching(self, amplitude: f64) -> Self {
+        Self {
+            reach: amplitude,
+            ..self
+        }
+    }
+
+    /// The same effect at another shape.
+    #[must_use]
+    pub fn shaped(&self, shape: &[f64]) -> Self {
+        Self::new(self.form, shape)
+    }
+
+    /// How many amplitudes there are.
+    pub fn amplitudes(&self) -> usize {
+        self.form.amplitudes()
+    }
+
+    /// Whether amplitudes below zero have no meaning.
+    pub fn is_positive(&self) -> bool {
+        self.form.is_positive()
+    }
+
+    /// The smallest amplitude that has a meaning.
+    pub fn lowest(&self, scale: &Scale) -> f64 {
+        self.form.lowest(scale)
+    }
+
+    /// Standard deviation of what its amplitudes may be before anything is seen.
+    pub fn plausible_steps(&self) -> f64 {
+        self.form.plausible_steps()
+    }
+
+    /// Whether the effect is there or not, with its shape as its only parameter.
+    pub fn is_switch(&self) -> bool {
+        self.form.is_switch()
+    }
+
+    /// Whether it is a cause of the whole arm, of which every joint carries its part.
+    pub fn is_of_arm(&self) -> bool {
+        self.form.is_shared() && self.form.is_carried()
+    }
+
+    /// Whether the shape is found by fitting. A whole number of cycles is what a shaft does, and stays.
+    pub fn shape_is_free(&self) -> bool {
+        self.shape
+            .first()
+            .is_some_and(|shape| !self.is_periodic() || shape.fract() != 0.0)
+    }
+
+    /// Relative change of the shape by which its derivative is found.
+    pub fn shape_step(&self, scale: &Scale) -> f64 {
+        match self.shape.first() {
+            // a tenth of a cycle over the whole range
+            Some(cycles) if self.is_periodic() => 0.1 / (cycles * scale.motor_turns),
+            _ => 0.15,
+        }
+    }
+
+    /// Whether the effect repeats with an angle.
+    pub fn is_periodic(&self) -> bool {
+        self.form.repeats_with().is_some()
+    }
+
+    /// Whether the angle is the motor's.
+    pub fn repeats_with_motor(&self) -> bool {
+        self.form.repeats_with() == Some(Turn::Motor)
+    }
+
+    /// Whether both are one effect that repeats with an angle, at different numbers of cycles: of those only a kinematic error has
+    /// more than one.
+    pub fn repeats(&self, other: &Self) -> bool {
+        self.is_periodic() && self.form == other.form && !self.form.has_harmonics()
+    }
+
+    /// Numbers of cycles a turn at which it may repeat beside its own.
+    pub fn harmonics(&self) -> Vec<f64> {
+        match self.shape.first() {
+            Some(cycles) if self.form.has_harmonics() => vec![2.0 * cycles, 3.0 * cycles],
+            _ => Vec::new(),
+        }
+    }
+
+    /// Between which the shape is sought.
+    pub fn shape_range(&self, scale: &Scale) -> [f64; 2] {
+        match self.shape.first() {
+            // a cycle more or less over the whole range
+            Some(cycles) if self.is_periodic() => {
+                let slack = 1.0 / (cycles * scale.motor_turns);
+                [cycles * (1.0 - slack).max(0.5), cycles * (1.0 + slack)]
+            }
+            _ => self.form.shape_range(scale),
+        }
+    }
+
+    /// The effect at these amplitudes, as a robot file would write it.
+    pub fn effect(&self, amplitude: &[f64], scale: &Scale) -> Effect {
+        let shape = self.shape.first().copied().unwrap_or(0.0);
+        self.form.effect(amplitude, shape, scale)
+    }
+
+    /// The amplitudes by which column `index` is found: the response to the second less that to the first, where there
+    /// are two, over [`reach`](Self::reach).
+    pub fn probes(&self, index: usize) -> (Amplitudes, Option<Amplitudes>) {
+        let at = |entries: &[(usize, f64)]| {
+            let mut amplitudes: Amplitudes = (0..self.amplitudes()).map(|_| 0.0).collect();
+            for (index, value) in entries {
+                amplitudes[*index] = *value;
+            }
+            amplitudes
+        };
+        if index > 0 && self.form.needs_first() {
+            (at(&[(0, 1.0), (index, 1.0)]), Some(at(&[(0, 1.0)])))
+        } else {
+            (at(&[(index, self.reach)]), None)
+        }
+    }
+
+    /// Amplitude that a column's response belongs to.
+    pub fn reach(&self) -> f64 {
+        self.reach
+    }
+
+    /// The stage of the joint that the effect belongs to.
+    pub fn stage(&self) -> Stage {
+        Stage::of(self.effect)
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use nalgebra::Vector3;
+
+    use super::*;
+
+    /// One that shows everything.
+    pub(crate) const ARM: Shown = Shown {
+        joints: 7,
+        has_link_encoder: true,
+        has_command: true,
+        timing_is_open: true,
+    };
+
+    /// Of a joint that the effects' own tests look at too.
+    pub(crate) fn scale() -> Scale {
+        Scale {
+            across_axis: [Vector3::x(), Vector3::z()],
+            friction_nm: 5.0,
+            least_friction_nm: 1.0,
+            load_coefficient: Some(0.05),
+            speed_rad_s: 1.0,
+            gear_ratio: 100.0,
+            stiffness_nm_rad: 1e4,
+            stiffness_is_known: true,
+            motor_torque_nm: 0.5,
+            reached_motor_nm: None,
+            may_saturate: true,
+            inertia_kg_m2: 1.0,
+            rotor_inertia_kg_m2: 0.6,
+            spare_link_inertia_kg_m2: 0.1,
+            period_s: 1e-3,
+            motor_turns: 20.0,
+        }
+    }
+
+    #[test]
+    fn one_effect_at_two_numbers_of_cycles_repeats_unless_it_has_harmonics() {
+        let (once, twice) = (periodic(1.0), periodic(2.0));
+        for (one, other) in once.iter().zip(&twice) {
+            assert_eq!(one.repeats(other), one.effect != "kinematic_error");
+        }
+        assert!(!once[0].repeats(&twice[2]));
+        for of in &twice {
+            let is_kinematic = of.effect == "kinematic_error";
+            assert_eq!(of.harmonics() == [4.0, 6.0], is_kinematic, "{of:?}");
+        }
+        let plain = plain(&scale(), ARM);
+        let mut others = plain.iter().filter(|one| !one.is_periodic());
+        assert!(!others.any(|one| one.repeats(one)));
+    }
+}

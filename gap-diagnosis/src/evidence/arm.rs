@@ -1,0 +1,85 @@
+//! Causes that the whole arm shares, a payload or a tilted base: one set of amplitudes in the models of all joints.
+//!
+//! Each joint's rows say something of the amplitudes beside its own names. What the others say is a prior to each: Gaussian messages,
+//! which make the joint fits one fit of all joints (Bishop, Pattern Recognition and Machine Learning, 2006, section 8.4.4).
+
+use nalgebra::{DMatrix, DVector};
+
+use super::Message;
+
+/// A cause that the arm may have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// Mass, and first moment along the axes of the last link's frame.
+    Payload,
+    /// Roll and pitch of the base.
+    Tilt,
+}
+
+impl Cause {
+    /// All there are.
+    pub const ALL: [Self; 2] = [Self::Payload, Self::Tilt];
+
+    /// Numbers that it has.
+    pub fn amplitudes(self) -> usize {
+        match self {
+            Self::Payload => 4,
+            Self::Tilt => 2,
+        }
+    }
+
+    /// Standard deviation of each amplitude before anything was seen, far beyond what arms carry or stand on: 100 kg, 100 kg m; 1 rad.
+    fn deviation(self) -> f64 {
+        match self {
+            Self::Payload => 100.0,
+            Self::Tilt => 1.0,
+        }
+    }
+
+    /// What is said of it when nothing was looked at.
+    pub fn prior(self) -> Message {
+        let count = self.amplitudes();
+        Message {
+            precision: DMatrix::identity(count, count) / self.deviation().powi(2),
+            pull: DVector::zeros(count),
+        }
+    }
+
+    /// What it costs the whole arm, in nats: a name, and each further amplitude.
+    pub fn cost(self) -> f64 {
+        3.0 + 1.5 * (self.amplitudes() - 1) as f64
+    }
+}
+
+impl Message {
+    /// Both together.
+    pub fn and(&self, other: &Self) -> Self {
+        Self {
+            precision: &self.precision + &other.precision,
+            pull: &self.pull + &other.pull,
+        }
+    }
+
+    /// The amplitudes, and their covariance.
+    pub fn said(&self) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let solved = self.precision.clone().cholesky()?;
+        Some((solved.solve(&self.pull), solved.inverse()))
+    }
+}
+
+/// What each joint's others say, from what each says beside its names.
+pub fn others(cause: Cause, own: &[Option<Message>]) -> Vec<Message> {
+    (0..own.len())
+        .map(|joint| {
+            let beside = own.iter().enumerate().filter(|(k, _)| *k != joint);
+            let said = beside.filter_map(|(_, message)| message.as_ref());
+            said.fold(cause.prior(), |sum, message| sum.and(message))
+        })
+        .collect()
+}
+
+/// What all say.
+pub fn all(cause: Cause, own: &[Option<Message>]) -> Message {
+    let said = own.iter().flatten();
+    said.fold(cause.prior(), |sum, message| sum.and(message))
+}

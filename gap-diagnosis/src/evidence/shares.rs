@@ -1,0 +1,163 @@
+//! What each name takes off the gap: Shapley values of the mean square that is left out, with intervals over the parts left out.
+
+use rand_core::{RngCore, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use super::PARTS;
+
+/// Resamplings of the parts.
+const DRAWS: usize = 400;
+/// A fixed beginning: the same recording gives the same interval.
+const SEED: u64 = 1;
+/// Ends of a 95 % interval.
+const ENDS: [f64; 2] = [0.025, 0.975];
+
+/// A number with its 95 % interval.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Interval {
+    /// Of all parts.
+    pub value: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// Shares of the gap.
+#[derive(Clone, Debug, Default)]
+pub struct Shares {
+    /// Of each player, in order.
+    pub of: Vec<Interval>,
+    /// What none of them takes.
+    pub remaining: Interval,
+    /// What each takes alone.
+    pub alone: Vec<f64>,
+}
+
+/// Sums of squares left out, by which players (a bit each) are in the model.
+pub struct Game {
+    /// For every set of players.
+    pub left: Vec<[f64; PARTS]>,
+    /// How many players.
+    pub players: usize,
+    /// What noise leaves of the sum of squares.
+    pub noise: f64,
+}
+
+impl Game {
+    /// Shares with intervals.
+    pub fn shares(&self) -> Shares {
+        let all: [usize; PARTS] = std::array::from_fn(|part| part);
+        let Some(whole) = self.with(&all) else {
+            let certain = |value: f64| Interval {
+                value,
+                low: value,
+                high: value,
+            };
+            return Shares {
+                of: vec![certain(0.0); self.players],
+                remaining: certain(1.0),
+                alone: vec![0.0; self.players],
+            };
+        };
+        let mut random = Pcg64Mcg::seed_from_u64(SEED);
+        let draws: Vec<Vec<f64>> = (0..DRAWS)
+            .filter_map(|_| {
+                let parts = std::array::from_fn(|_| random.next_u32() as usize % PARTS);
+                self.with(&parts)
+            })
+            .collect();
+        let interval = |place: usize| {
+            let mut values: Vec<f64> = draws.iter().map(|draw| draw[place]).collect();
+            values.sort_by(f64::total_cmp);
+            let last = values.len().saturating_sub(1) as f64;
+            let at = |end: f64| {
+                let value = values.get((last * end).round() as usize);
+                value.copied().unwrap_or(whole[place])
+            };
+            Interval {
+                value: whole[place],
+                low: at(ENDS[0]).min(whole[place]),
+                high: at(ENDS[1]).max(whole[place]),
+            }
+        };
+        let remaining = interval(self.players);
+        let alone = (0..self.players).map(|player| {
+            let gap = self.sum(0, &all) - self.noise;
+            (self.sum(0, &all) - self.sum(1 << player, &all)) / gap
+        });
+        Shares {
+            of: (0..self.players).map(interval).collect(),
+            remaining,
+            alone: alone.collect(),
+        }
+    }
+
+    fn sum(&self, players: usize, parts: &[usize; PARTS]) -> f64 {
+        parts.iter().map(|part| self.left[players][*part]).sum()
+    }
+
+    /// Each player's share, then what remains; none of a gap that is within the noise.
+    fn with(&self, parts: &[usize; PARTS]) -> Option<Vec<f64>> {
+        let everyone = (1 << self.players) - 1;
+        // what is left below the noise is as good as nothing, and no less
+        let noise = self.noise.min(self.sum(everyone, parts));
+        let gap = self.sum(0, parts) - noise;
+        if gap <= 0.0 {
+            return None;
+        }
+        let mut all: Vec<f64> = (0..self.players)
+            .map(|player| {
+                let others = (0..=everyone).filter(|set| set & (1 << player) == 0);
+                let each = others.map(|set| {
+                    let gained = self.sum(set, parts) - self.sum(set | 1 << player, parts);
+                    weight(set.count_ones() as usize, self.players) * gained
+                });
+                each.sum::<f64>() / gap
+            })
+            .collect();
+        all.push((self.sum(everyone, parts) - noise) / gap);
+        Some(all)
+    }
+}
+
+/// Part of the orders in which a player comes after so many of the others.
+fn weight(before: usize, players: usize) -> f64 {
+    let factorial = |n: usize| (1..=n).map(|k| k as f64).product::<f64>();
+    factorial(before) * factorial(players - before - 1) / factorial(players)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_a_gap_within_the_noise_nobody_has_a_share() {
+        let game = Game {
+            left: vec![[1.0; PARTS], [0.5; PARTS]],
+            players: 1,
+            noise: 10.0 * PARTS as f64,
+        };
+        let shares = game.shares();
+        assert_eq!(shares.of[0], Interval::default());
+        assert_eq!(shares.remaining.value, 1.0);
+        assert_eq!(shares.alone, [0.0]);
+    }
+
+    #[test]
+    fn shares_and_rest_add_up_and_halves_are_halves() {
+        // two players who take the same half, each alone; together nothing more than one quarter is left
+        let left = |all: f64| [all; PARTS];
+        let game = Game {
+            left: vec![left(1.0), left(0.5), left(0.5), left(0.25)],
+            players: 2,
+            noise: 0.0,
+        };
+        let shares = game.shares();
+        assert!((shares.of[0].value - 0.375).abs() < 1e-12);
+        assert_eq!(shares.of[0], shares.of[1]);
+        let sum: f64 = shares.of.iter().map(|share| share.value).sum();
+        assert!((sum + shares.remaining.value - 1.0).abs() < 1e-12);
+        assert!((shares.alone[0] - 0.5).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,209 @@
+//! Sums of squares and products part by part, and what columns that are in every set leave of them.
+
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::PARTS;
+
+#[derive(Clone)]
+pub(super) struct Sums {
+    pub gram: DMatrix<f64>,
+    pub vector: DVector<f64>,
+    pub square: f64,
+    pub rows: f64,
+}
+
+/// A part left out, with the columns that are in every set eliminated.
+#[derive(Clone)]
+pub(super) struct Reduced {
+    pub train: DMatrix<f64>,
+    pub train_vector: DVector<f64>,
+    /// Span by span.
+    pub tests: Vec<Test>,
+    /// Columns in every set: their values without laws, and per value of each law's column.
+    pub rest: DVector<f64>,
+    pub per_law: DMatrix<f64>,
+}
+
+/// What a part that is left out says of a fit.
+#[derive(Clone)]
+pub(super) struct Test {
+    pub gram: DMatrix<f64>,
+    pub vector: DVector<f64>,
+    pub square: f64,
+}
+
+impl Sums {
+    pub fn zero(count: usize) -> Self {
+        Self {
+            gram: DMatrix::zeros(count, count),
+            vector: DVector::zeros(count),
+            square: 0.0,
+            rows: 0.0,
+        }
+    }
+
+    /// Sum of squares that columns at these values leave.
+    pub fn left_by(&self, values: &[(usize, f64)]) -> f64 {
+        let mut left = self.square;
+        for (place, value) in values {
+            left -= 2.0 * value * self.vector[*place];
+            for (other, beside) in values {
+                left += value * self.gram[(*place, *other)] * beside;
+            }
+        }
+        left.max(0.0)
+    }
+
+    pub fn add(&mut self, other: &Self, factor: f64) {
+        self.gram
+            .zip_apply(&other.gram, |sum, x| *sum += factor * x);
+        self.vector.axpy(factor, &other.vector, 1.0);
+        self.square += factor * other.square;
+        self.rows += factor * other.rows;
+    }
+}
+
+/// Sums over tenths of a span's rows, one after the other.
+pub(super) fn parts(columns: &[Vec<f64>], gap_nm: &[f64], span: &Range<usize>) -> Vec<Sums> {
+    let rows = span.len();
+    (0..PARTS)
+        .map(|part| {
+            let within = span.start + part * rows / PARTS..span.start + (part + 1) * rows / PARTS;
+            let count = columns.len();
+            let mut gram = DMatrix::zeros(count, count);
+            let mut vector = DVector::zeros(count);
+            let gap = &gap_nm[within.clone()];
+            for i in 0..count {
+                let one = &columns[i][within.clone()];
+                vector[i] = dot(one, gap);
+                for j in 0..=i {
+                    let product = dot(one, &columns[j][within.clone()]);
+                    gram[(i, j)] = product;
+                    gram[(j, i)] = product;
+                }
+            }
+            Sums {
+                gram,
+                vector,
+                square: dot(gap, gap),
+                rows: gap.len() as f64,
+            }
+        })
+        .collect()
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+impl Reduced {
+    pub fn empty() -> Self {
+        Self {
+            train: DMatrix::zeros(0, 0),
+            train_vector: DVector::zeros(0),
+            tests: Vec::new(),
+            rest: DVector::zeros(0),
+            per_law: DMatrix::zeros(0, 0),
+        }
+    }
+
+    pub fn of(
+        train: &Sums,
+        tests: &[&Sums],
+        (prior, pull): &(DMatrix<f64>, DVector<f64>),
+        lift: &[f64],
+    ) -> Self {
+        let laws = lift.len();
+        let beside = prior.nrows();
+        let block = |sums: &Sums| {
+            let gram = &sums.gram;
+            (
+                gram.view((0, 0), (laws, laws)).into_owned(),
+                gram.view((laws, 0), (beside, laws)).into_owned(),
+                gram.view((laws, laws), (beside, beside)).into_owned(),
+                sums.vector.rows(0, laws).into_owned(),
+                sums.vector.rows(laws, beside).into_owned(),
+            )
+        };
+        let (ll, tl, tt, bl, bt) = block(train);
+        let (mut rest, mut per_law) = (DVector::zeros(beside), DMatrix::zeros(beside, laws));
+        if beside > 0
+            && let Some(solved) = (tt + prior).cholesky()
+        {
+            rest = solved.solve(&(&bt + pull));
+            per_law = solved.solve(&tl);
+        }
+        let mut lifted = &ll - tl.transpose() * &per_law;
+        for (k, lift) in lift.iter().enumerate() {
+            lifted[(k, k)] += lift;
+        }
+        let train_vector = &bl - tl.transpose() * &rest;
+        let tests = tests.iter().map(|sums| {
+            let (ll, tl, tt, bl, bt) = block(sums);
+            let cross = tl.transpose() * &per_law;
+            let inner = &tl - &tt * &per_law;
+            Test {
+                gram: &ll - &cross - cross.transpose() + per_law.transpose() * &tt * &per_law,
+                vector: &bl - per_law.transpose() * &bt - inner.transpose() * &rest,
+                square: sums.square - 2.0 * rest.dot(&bt) + rest.dot(&(&tt * &rest)),
+            }
+        });
+        let tests = tests.collect();
+        Self {
+            train: lifted,
+            train_vector,
+            tests,
+            rest,
+            per_law,
+        }
+    }
+
+    pub fn picked(&self, places: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
+        let count = places.len();
+        (
+            DMatrix::from_fn(count, count, |i, j| self.train[(places[i], places[j])]),
+            DVector::from_iterator(count, places.iter().map(|k| self.train_vector[*k])),
+        )
+    }
+
+    pub fn values(&self, places: &[usize]) -> DVector<f64> {
+        let (matrix, vector) = self.picked(places);
+        match matrix.cholesky() {
+            Some(solved) => solved.solve(&vector),
+            None => DVector::zeros(places.len()),
+        }
+    }
+
+    pub fn inverse(&self, places: &[usize]) -> DMatrix<f64> {
+        let count = places.len();
+        let (matrix, _) = self.picked(places);
+        matrix
+            .cholesky()
+            .map_or_else(|| DMatrix::zeros(count, count), |solved| solved.inverse())
+    }
+
+    pub fn rest_of(&self, places: &[usize], values: &DVector<f64>) -> DVector<f64> {
+        let mut rest = self.rest.clone();
+        for (place, value) in places.iter().zip(values.iter()) {
+            rest.axpy(-*value, &self.per_law.column(*place), 1.0);
+        }
+        rest
+    }
+
+    pub fn left(&self, places: &[usize]) -> Vec<f64> {
+        let values = self.values(places);
+        let of_test = |test: &Test| {
+            let mut left = test.square;
+            for (i, place) in places.iter().enumerate() {
+                left -= 2.0 * values[i] * test.vector[*place];
+                for (j, other) in places.iter().enumerate() {
+                    left += values[i] * test.gram[(*place, *other)] * values[j];
+                }
+            }
+            left.max(0.0)
+        };
+        self.tests.iter().map(of_test).collect()
+    }
+}

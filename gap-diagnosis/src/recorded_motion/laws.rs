@@ -1,0 +1,386 @@
+//! The static laws of motion that a joint's torque may hold beside the robot file: their columns, what more freedom costs them, and
+//! the effect they are called.
+
+use std::collections::BTreeMap;
+
+use nalgebra::DMatrix;
+use robot::Effect;
+
+use super::motion::JointMotion;
+use crate::evidence::told::{self, Called};
+use crate::evidence::{AMPLITUDE_NATS, Fit, NAME_NATS};
+use crate::report::Parameter;
+use crate::twin::joint::JointModel;
+
+/// Speeds of Stribeck's fall, as parts of the usual speed: 0.05 to 0.4, below which there are no rows and above which the law is
+/// viscous friction's.
+const STRIBECK_PARTS: [f64; 3] = [0.05, 0.15, 0.4];
+/// True over nominal torque within this: what is off by more is another unit, side or sign, which the checks of a recording find.
+const GAIN: [f64; 2] = [0.5, 2.0];
+/// What Coulomb and viscous friction cost less where the file states no friction at all, in nats: every joint rubs, and it is the odds
+/// of a cause nobody expects that a name costs.
+const EXPECTED_NATS: f64 = 2.0;
+/// Cost of a freedom, in nats.
+const FREEDOM_NATS: f64 = 0.5;
+/// Standard errors by which a value may pass a limit that no joint passes.
+const ERRORS: f64 = 2.0;
+/// Part of gravity that must lie across a joint's axis somewhere for gravity to turn it.
+const ACROSS: f64 = 0.02;
+
+/// A law of motion at one joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Law {
+    /// `s`, the bristles' bend (see [`Along::slip`]); `sign q̇` once the joint slips.
+    Coulomb,
+    /// `q̇`.
+    Viscous,
+    /// `q̇|q̇|`.
+    Quadratic,
+    /// `s · exp(-|q̇|/v)`, with v.
+    Stribeck(f64),
+    /// `|s|`: half the difference between the directions.
+    Asymmetric,
+    /// `s · |load|`.
+    LoadDependent,
+    /// 1.
+    Offset,
+    /// The torque that the file needs.
+    TorqueConstant,
+    /// `q̈`.
+    Inertia,
+    /// `sin q` and `cos q`.
+    Gravity,
+    /// `q`, from its mean on.
+    Spring,
+}
+
+/// What the columns of laws are made of.
+pub struct Along<'a> {
+    /// The joint's motion.
+    pub motion: &'a JointMotion,
+    /// Torque that the file needs.
+    pub nominal_nm: &'a [f64],
+    /// Torque that the gear carries.
+    pub load_nm: &'a [f64],
+    /// How far friction is bent: -1 to 1, and the sign of the velocity once the joint slips.
+    pub slip: &'a [f64],
+    /// Mean position.
+    pub mean_rad: f64,
+}
+
+impl Law {
+    /// All that a joint may have. `carries`: whether the file needs torque here; `gravity_part`: part of gravity that lies across the
+    /// axis.
+    pub fn of_joint(speed_rad_s: f64, carries: bool, gravity_part: f64) -> Vec<Self> {
+        let mut all = vec![
+            Self::Coulomb,
+            Self::Viscous,
+            Self::Offset,
+            Self::Quadratic,
+            Self::Asymmetric,
+            Self::Inertia,
+            Self::Spring,
+        ];
+        all.extend(STRIBECK_PARTS.map(|part| Self::Stribeck(part * speed_rad_s)));
+        if carries {
+            all.extend([Self::LoadDependent, Self::TorqueConstant]);
+        }
+        if gravity_part > ACROSS {
+            all.push(Self::Gravity);
+        }
+        all
+    }
+
+    /// Which of the laws are the same with another shape: one name.
+    pub fn kind(self) -> usize {
+        match self {
+            Self::Coulomb => 0,
+            Self::Viscous => 1,
+            Self::Quadratic => 2,
+            Self::Stribeck(_) => 3,
+            Self::Asymmetric => 4,
+            Self::LoadDependent => 5,
+            Self::Offset => 6,
+            Self::TorqueConstant => 7,
+            Self::Inertia => 8,
+            Self::Gravity => 9,
+            Self::Spring => 10,
+        }
+    }
+
+    /// What the law costs beyond a name, in halves of a nat: how many other laws' shapes it can take on a usual motion. A delay, a
+    /// soft gear or a wrong torque constant look like friction; a Stribeck term like any curve over velocity.
+    pub fn freedom(self) -> f64 {
+        match self {
+            Self::Coulomb | Self::Viscous | Self::Offset => 0.0,
+            Self::TorqueConstant
+            | Self::Gravity
+            | Self::Spring
+            | Self::Inertia
+            | Self::Asymmetric => 1.0,
+            Self::Quadratic | Self::LoadDependent | Self::Stribeck(_) => 2.0,
+        }
+    }
+
+    /// What naming it costs, in nats. `expects_friction`: whether the file states none.
+    pub fn cost(self, expects_friction: bool) -> f64 {
+        let is_expected = expects_friction && matches!(self, Self::Coulomb | Self::Viscous);
+        NAME_NATS - if is_expected { EXPECTED_NATS } else { 0.0 }
+            + FREEDOM_NATS * self.freedom()
+            + AMPLITUDE_NATS * (self.amplitudes() - 1) as f64
+    }
+
+    /// Standard deviation of its amplitude, where something is known of that before anything is seen: makers state torque constants to
+    /// a tenth, and a current sensor may be off by as much again.
+    pub fn deviation(self) -> Option<f64> {
+        (self == Self::TorqueConstant).then_some(0.2)
+    }
+
+    /// Whether every joint may have it: friction and an offset of the torque.
+    pub fn is_usual(self) -> bool {
+        matches!(self, Self::Coulomb | Self::Viscous | Self::Offset)
+    }
+
+    /// Numbers that it has.
+    pub fn amplitudes(self) -> usize {
+        if self == Self::Gravity { 2 } else { 1 }
+    }
+
+    /// Its columns along a piece, Nm per unit of each amplitude.
+    pub fn columns(self, along: &Along<'_>) -> Vec<Vec<f64>> {
+        let rows = 0..along.nominal_nm.len();
+        let q = |k: usize| along.motion.position_rad[k];
+        let v = |k: usize| along.motion.velocity_rad_s[k];
+        let slip = |k: usize| along.slip[k];
+        let one = |of: &dyn Fn(usize) -> f64| vec![rows.clone().map(of).collect::<Vec<f64>>()];
+        match self {
+            Self::Coulomb => one(&slip),
+            Self::Viscous => one(&v),
+            Self::Quadratic => one(&|k| v(k) * v(k).abs()),
+            Self::Stribeck(speed_rad_s) => {
+                one(&|k| slip(k) * (-v(k).abs() / speed_rad_s.max(f64::MIN_POSITIVE)).exp())
+            }
+            Self::Asymmetric => one(&|k| slip(k).abs()),
+            Self::LoadDependent => one(&|k| slip(k) * along.load_nm[k].abs()),
+            Self::Offset => one(&|_| 1.0),
+            Self::TorqueConstant => one(&|k| along.nominal_nm[k]),
+            Self::Inertia => one(&|k| along.motion.acceleration_rad_s2[k]),
+            Self::Gravity => vec![
+                rows.clone().map(|k| q(k).sin()).collect(),
+                rows.clone().map(|k| q(k).cos()).collect(),
+            ],
+            Self::Spring => one(&|k| q(k) - along.mean_rad),
+        }
+    }
+
+    /// Torque of the law at a constant velocity per unit of its first amplitude; none where it is no friction.
+    pub fn friction_nm(self, velocity_rad_s: f64) -> Option<f64> {
+        let sign = velocity_rad_s.signum();
+        match self {
+            Self::Coulomb => Some(sign),
+            Self::Viscous => Some(velocity_rad_s),
+            Self::Quadratic => Some(velocity_rad_s * velocity_rad_s.abs()),
+            Self::Stribeck(speed_rad_s) => Some(sign * (-velocity_rad_s.abs() / speed_rad_s).exp()),
+            _ => None,
+        }
+    }
+
+    /// Limits of its first amplitude that no joint passes, by what the file has of the same kind already.
+    pub fn limits(self, model: &JointModel, speed_rad_s: f64, inertia_kg_m2: f64) -> [f64; 2] {
+        let friction = &model.friction;
+        match self {
+            Self::Coulomb => {
+                let at = joint_model::friction::Sliding::at(speed_rad_s);
+                [-friction.level_nm(&at), f64::INFINITY]
+            }
+            Self::Viscous => [-friction.fluid_drag_nm_s_rad(speed_rad_s), f64::INFINITY],
+            Self::LoadDependent => [-friction.load_dependent.load_coefficient, f64::INFINITY],
+            // the column is what the file needs, and the gain's inverse multiplies that
+            Self::TorqueConstant => [1.0 / GAIN[1] - 1.0, 1.0 / GAIN[0] - 1.0],
+            Self::Inertia => [-(inertia_kg_m2 + model.rotor_inertia_kg_m2), f64::INFINITY],
+            _ => [f64::NEG_INFINITY, f64::INFINITY],
+        }
+    }
+
+    /// The effect it is called, as a change against the file, from its amplitudes.
+    pub fn effect(self, amplitudes: &[f64], told: &Told<'_>) -> Effect {
+        let value = amplitudes.first().copied().unwrap_or(0.0);
+        match self {
+            Self::Coulomb => Effect::CoulombFriction { coulomb_nm: value },
+            Self::Viscous => Effect::ViscousFriction {
+                viscous_nm_s_rad: value,
+            },
+            Self::Quadratic => Effect::QuadraticFriction {
+                quadratic_nm_s2_rad2: value,
+            },
+            Self::Stribeck(speed_rad_s) => Effect::StribeckFriction {
+                stribeck_nm: value,
+                stribeck_velocity_rad_s: speed_rad_s,
+            },
+            Self::Asymmetric => Effect::AsymmetricFriction {
+                asymmetry_nm: value,
+            },
+            Self::LoadDependent => Effect::LoadDependentFriction {
+                load_coefficient: value,
+            },
+            // the effect is added to the motor's torque, and what the joint needs of it is less by that
+            Self::Offset => Effect::TorqueOffset { offset_nm: -value },
+            Self::TorqueConstant => Effect::TorqueConstantError {
+                gain: 1.0 / (1.0 + value),
+            },
+            Self::Inertia => {
+                // a rotor cannot be lighter than nothing, and a sensor behind the gear does not feel it
+                if told.feels_rotor && value > -told.model.rotor_inertia_kg_m2 {
+                    Effect::RotorInertia {
+                        inertia_kg_m2: value / told.model.gear_ratio.powi(2),
+                    }
+                } else {
+                    Effect::LinkInertia {
+                        inertia_kg_m2: value,
+                    }
+                }
+            }
+            Self::Gravity => Effect::GravityTorque {
+                sin_nm: value,
+                cos_nm: amplitudes.get(1).copied().unwrap_or(0.0),
+            },
+            Self::Spring => Effect::JointSpring {
+                stiffness_nm_rad: value,
+                rest_rad: told.mean_rad,
+            },
+        }
+    }
+
+    /// Parameters of its effect that are estimated: name, and its change per change of which amplitude.
+    pub fn parameters(
+        self,
+        amplitudes: &[f64],
+        told: &Told<'_>,
+    ) -> Vec<(&'static str, usize, f64)> {
+        let value = amplitudes.first().copied().unwrap_or(0.0);
+        match self {
+            Self::Coulomb => vec![("coulomb_nm", 0, 1.0)],
+            Self::Viscous => vec![("viscous_nm_s_rad", 0, 1.0)],
+            Self::Quadratic => vec![("quadratic_nm_s2_rad2", 0, 1.0)],
+            Self::Stribeck(_) => vec![("stribeck_nm", 0, 1.0)],
+            Self::Asymmetric => vec![("asymmetry_nm", 0, 1.0)],
+            Self::LoadDependent => vec![("load_coefficient", 0, 1.0)],
+            Self::Offset => vec![("offset_nm", 0, -1.0)],
+            Self::TorqueConstant => vec![("gain", 0, -(1.0 + value).powi(-2))],
+            Self::Inertia => {
+                let rotor = matches!(self.effect(amplitudes, told), Effect::RotorInertia { .. });
+                let per = if rotor {
+                    told.model.gear_ratio.powi(-2)
+                } else {
+                    1.0
+                };
+                vec![("inertia_kg_m2", 0, per)]
+            }
+            Self::Gravity => vec![("sin_nm", 0, 1.0), ("cos_nm", 1, 1.0)],
+            Self::Spring => vec![("stiffness_nm_rad", 0, 1.0)],
+        }
+    }
+}
+
+/// What a law's name depends on beside its amplitudes.
+pub struct Told<'a> {
+    /// The joint by its file.
+    pub model: &'a JointModel,
+    /// Whether the torque was taken before the gear.
+    pub feels_rotor: bool,
+    /// Mean position.
+    pub mean_rad: f64,
+}
+
+/// Laws as they are called at one joint.
+pub struct Laws<'a> {
+    /// All of them.
+    pub all: Vec<Law>,
+    /// What their names depend on.
+    pub told: Told<'a>,
+}
+
+impl Called for Laws<'_> {
+    fn items(&self) -> usize {
+        self.all.len()
+    }
+
+    fn kind(&self, item: usize) -> usize {
+        self.all[item].kind()
+    }
+
+    fn is_usual(&self, item: usize) -> bool {
+        self.all[item].is_usual()
+    }
+
+    fn effect(&self, item: usize, amplitudes: &[f64]) -> Effect {
+        self.all[item].effect(amplitudes, &self.told)
+    }
+
+    fn parameters(
+        &self,
+        item: usize,
+        amplitudes: &[f64],
+        covariance: &DMatrix<f64>,
+    ) -> BTreeMap<String, Parameter> {
+        let law = self.all[item];
+        let mut parameters = told::parameters(&law.effect(amplitudes, &self.told));
+        for (name, amplitude, per) in law.parameters(amplitudes, &self.told) {
+            if let Some(parameter) = parameters.get_mut(name) {
+                let variance = covariance[(amplitude, amplitude)];
+                parameter.std = per.abs() * variance.max(0.0).sqrt();
+            }
+        }
+        parameters
+    }
+}
+
+/// Whether a fit is one that a joint can have: every value within its limits, and friction that brakes at every speed; each by
+/// two standard errors.
+pub fn is_possible(
+    fit: &Fit,
+    law_of: impl Fn(usize) -> Law,
+    limits: impl Fn(Law) -> [f64; 2],
+    nominal_friction_nm: impl Fn(f64) -> f64,
+    speed_rad_s: f64,
+) -> bool {
+    let mut place = 0;
+    let mut braking = Vec::new();
+    for (item, amplitudes) in &fit.amplitudes {
+        let law = law_of(*item);
+        let [least, most] = limits(law);
+        let error = ERRORS * fit.covariance[(place, place)].max(0.0).sqrt();
+        let Some(value) = amplitudes.first() else {
+            continue;
+        };
+        // a range is one of what can be meant, and a single limit is passed by noise
+        let error = if least.is_finite() && most.is_finite() {
+            0.0
+        } else {
+            error
+        };
+        if value + error < least || value - error > most {
+            return false;
+        }
+        braking.push((place, law, *value));
+        place += amplitudes.len();
+    }
+    braking.retain(|(_, law, _)| law.friction_nm(1.0).is_some());
+    if braking.is_empty() {
+        return true;
+    }
+    /// Speeds at which friction is looked at.
+    const SPEEDS: usize = 25;
+    (1..=SPEEDS).all(|k| {
+        let v = speed_rad_s * k as f64 / SPEEDS as f64;
+        let at = |law: Law| law.friction_nm(v).unwrap_or(0.0);
+        let added: f64 = braking.iter().map(|(_, law, value)| value * at(*law)).sum();
+        let mut variance = 0.0;
+        for (i, one, _) in &braking {
+            for (j, other, _) in &braking {
+                variance += at(*one) * fit.covariance[(*i, *j)] * at(*other);
+            }
+        }
+        nominal_friction_nm(v) + added + ERRORS * variance.max(0.0).sqrt() >= 0.0
+    })
+}

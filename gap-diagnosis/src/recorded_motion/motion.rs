@@ -1,0 +1,327 @@
+//! The recorded motion of the whole arm and the torque of each joint, at a constant rate and band-limited.
+
+use std::borrow::Cow;
+
+use joint_model::filter::FilterError;
+use recording::{JointColumns, MissingSignal, Recording, Signal};
+use robot::Robot;
+
+use super::signals::{TorqueSource, controller};
+use crate::on_all_cores::OnAllCores;
+use crate::signal::band::{Band, COMPARED_HZ};
+use crate::signal::smooth::{derivative, second_derivative};
+use crate::twin::stretch::{Grid, StretchError, pieces};
+
+/// Motion above this is noise, in hertz: twice the compared band and more, so that what is bent (friction's step) is bent before
+/// it is band-limited.
+const MOTION_HZ: f64 = 30.0;
+/// Of the sample rate, where that is low.
+const OF_RATE: f64 = 0.2;
+/// Rows a second that hold the motion's band: seven times its end.
+const ROWS_HZ: f64 = 200.0;
+/// The ends of a piece do not count, in seconds: a low-pass of 8 Hz both ways has nothing behind them.
+pub const END_S: f64 = 0.3;
+/// A piece shorter than this, in seconds, has nothing left between its ends.
+const PIECE_MIN_S: f64 = 1.0;
+
+/// One joint's motion and torque, joint side.
+#[derive(Clone, Debug, Default)]
+pub struct JointMotion {
+    /// Angle, without what is faster than any motion.
+    pub position_rad: Vec<f64>,
+    /// Its rate.
+    pub velocity_rad_s: Vec<f64>,
+    /// The rate's rate.
+    pub acceleration_rad_s2: Vec<f64>,
+    /// Torque, none where nothing tells it.
+    pub torque_nm: Option<Vec<f64>>,
+    /// Part of the torque that a controller makes of the reference's velocity, where no column tells that velocity: some controllers feed
+    /// it, others brake the whole velocity.
+    pub rate_feed_nm: Option<Vec<f64>>,
+    /// What was commanded, where that is beside the torque.
+    pub command_nm: Option<Vec<f64>>,
+    /// Noise of the torque from sample to sample, if it is alike at all frequencies.
+    pub noise_nm: f64,
+    /// Step of the encoder, on the side it was read; none where the values show none.
+    pub step_rad: Option<f64>,
+    /// Samples a second of the recording.
+    pub recorded_hz: f64,
+    /// Whether the row was measured.
+    pub is_whole: Vec<bool>,
+}
+
+/// An uninterrupted piece of a recording.
+#[derive(Clone, Debug)]
+pub struct Piece {
+    /// Rows a second.
+    pub rate_hz: f64,
+    /// Time of the first row since the recording began.
+    pub start_s: f64,
+    /// In the robot file's order.
+    pub joints: Vec<JointMotion>,
+}
+
+/// What to read of each joint.
+#[derive(Clone, Copy, Debug)]
+pub struct Read {
+    /// Its encoder; none where the recording has none, then it is held at zero.
+    pub position: Option<Signal>,
+    /// Its torque.
+    pub torque: Option<TorqueSource>,
+}
+
+impl Piece {
+    /// Rows.
+    pub fn rows(&self) -> usize {
+        self.joints
+            .first()
+            .map_or(0, |joint| joint.position_rad.len())
+    }
+
+    /// The band that is compared, at this rate.
+    pub fn compared_hz(&self) -> f64 {
+        COMPARED_HZ.min(OF_RATE * self.rate_hz)
+    }
+
+    /// A row's time.
+    pub fn time_s(&self, row: usize) -> f64 {
+        self.start_s + row as f64 / self.rate_hz
+    }
+
+    /// Rows that count: not those near the ends.
+    pub fn counted(&self) -> std::ops::Range<usize> {
+        let end = (END_S * self.rate_hz) as usize;
+        end..self.rows().saturating_sub(end).max(end)
+    }
+}
+
+/// All pieces of all recordings.
+///
+/// # Errors
+/// [`StretchError`] if nothing is long enough.
+pub fn pieces_of(
+    robot: &Robot,
+    recordings: &[&Recording],
+    read: &[Read],
+) -> Result<Vec<Piece>, StretchError> {
+    let mut longest_s = 0.0_f64;
+    let mut found = Vec::new();
+    for recording in recordings {
+        let first_s = recording.time_s.first().copied().unwrap_or(0.0);
+        for rows in pieces(recording) {
+            let time_s = &recording.time_s[rows.clone()];
+            let (Some(start_s), Some(end_s)) = (time_s.first(), time_s.last()) else {
+                continue;
+            };
+            longest_s = longest_s.max(end_s - start_s);
+            if end_s - start_s >= PIECE_MIN_S {
+                let grid = Grid::new(time_s, rows.start, recording.sample_rate_hz);
+                found.push(piece(robot, recording, read, &grid, start_s - first_s)?);
+            }
+        }
+    }
+    if found.is_empty() {
+        return Err(StretchError::Short { longest_s });
+    }
+    Ok(found)
+}
+
+fn piece(
+    robot: &Robot,
+    recording: &Recording,
+    read: &[Read],
+    grid: &Grid,
+    start_s: f64,
+) -> Result<Piece, StretchError> {
+    let rate_hz = recording.sample_rate_hz;
+    let every = ((rate_hz / ROWS_HZ) as usize).max(1);
+    let joints = read
+        .iter()
+        .enumerate()
+        .on_all_cores(|(index, read)| joint(robot, index, recording, *read, grid, every))
+        .collect::<Result<Vec<_>, StretchError>>()?;
+    Ok(Piece {
+        rate_hz: rate_hz / every as f64,
+        start_s,
+        joints,
+    })
+}
+
+fn joint(
+    robot: &Robot,
+    index: usize,
+    recording: &Recording,
+    read: Read,
+    grid: &Grid,
+    every: usize,
+) -> Result<JointMotion, StretchError> {
+    let rate_hz = recording.sample_rate_hz;
+    let file = &robot.joints[index];
+    let ratio = file.gear_ratio;
+    let rows = grid.samples().div_ceil(every);
+    let Some(position) = read.position else {
+        let rest = vec![0.0; rows];
+        return Ok(JointMotion {
+            position_rad: rest.clone(),
+            velocity_rad_s: rest.clone(),
+            acceleration_rad_s2: rest,
+            is_whole: vec![false; rows],
+            ..JointMotion::default()
+        });
+    };
+    let columns = recording.joint(&file.name)?;
+    let of = |signal: Signal, scale: f64| -> Result<(Vec<f64>, Vec<bool>), MissingSignal> {
+        Ok(grid.sample(recording.signal(&file.name, signal)?, scale))
+    };
+    let scale = if position == Signal::MotorPositionRad {
+        1.0 / ratio
+    } else {
+        1.0
+    };
+    let (raw_rad, mut is_whole) = of(position, scale)?;
+    let motion = Band::of(rate_hz, MOTION_HZ);
+    let smooth_rad = motion.limit(&raw_rad)?;
+    let mut torque = |signal: Signal, scale: f64| -> Result<Option<Vec<f64>>, StretchError> {
+        let (values, whole) = of(signal, scale)?;
+        for (all, one) in is_whole.iter_mut().zip(whole) {
+            *all &= one;
+        }
+        Ok(Some(values))
+    };
+    let mut rate_feed_nm = None;
+    let torque_nm = match read.torque {
+        Some(TorqueSource::Drive) => torque(Signal::MotorTorqueNm, ratio)?,
+        Some(TorqueSource::Command) => torque(Signal::CommandTorqueNm, ratio)?,
+        Some(TorqueSource::Sensor) => torque(Signal::JointTorqueNm, 1.0)?,
+        Some(TorqueSource::Controller) => {
+            let reference_rad = torque(Signal::ReferencePositionRad, 1.0)?.unwrap_or_default();
+            let rate_rad_s = velocity_reference(columns, grid);
+            if rate_rad_s.is_none() {
+                rate_feed_nm = rate_feed(robot, index, &reference_rad, rate_hz);
+            }
+            controlled(robot, index, &reference_rad, &raw_rad, rate_rad_s, rate_hz)
+        }
+        None => None,
+    };
+    let has_command = read.torque == Some(TorqueSource::Drive)
+        && columns.signals.contains_key(&Signal::CommandTorqueNm);
+    let command_nm = if has_command {
+        Some(of(Signal::CommandTorqueNm, ratio)?.0)
+    } else {
+        None
+    };
+    let limited = |values: Option<Vec<f64>>| -> Result<Option<Vec<f64>>, FilterError> {
+        let smooth = values.map(|values| motion.limit(&values)).transpose()?;
+        Ok(smooth.map(|smooth| thinned(&smooth, every)))
+    };
+    Ok(JointMotion {
+        noise_nm: torque_nm.as_deref().map_or(0.0, noise),
+        step_rad: step(&raw_rad).map(|step_rad| step_rad / scale.abs()),
+        recorded_hz: rate_hz,
+        velocity_rad_s: thinned(&derivative(&smooth_rad, 1.0 / rate_hz), every),
+        acceleration_rad_s2: thinned(&second_derivative(&smooth_rad, 1.0 / rate_hz), every),
+        position_rad: thinned(&smooth_rad, every),
+        torque_nm: limited(torque_nm)?,
+        rate_feed_nm: limited(rate_feed_nm)?,
+        command_nm: limited(command_nm)?,
+        is_whole: is_whole.into_iter().step_by(every).collect(),
+    })
+}
+
+/// The step by which values change, where nearly all changes are whole numbers of the smallest.
+fn step(values: &[f64]) -> Option<f64> {
+    /// Part of the changes that must be.
+    const NEARLY_ALL: f64 = 0.9;
+    /// How far from a whole number.
+    const WHOLE: f64 = 0.05;
+    /// Steps beyond which rounding in the file hides what is whole.
+    const STEPS: f64 = 20.0;
+    /// Changes of so few steps that are needed to tell.
+    const FEW: usize = 50;
+    let changes = values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let changes: Vec<f64> = changes.filter(|change| *change > 0.0).collect();
+    let smallest = changes.iter().copied().fold(f64::INFINITY, f64::min);
+    let few = changes.iter().map(|change| change / smallest);
+    let few: Vec<f64> = few.filter(|steps| *steps < STEPS).collect();
+    let whole = few
+        .iter()
+        .filter(|steps| (*steps - steps.round()).abs() < WHOLE)
+        .count();
+    let is_step = few.len() >= FEW && whole as f64 > NEARLY_ALL * few.len() as f64;
+    is_step.then_some(smallest)
+}
+
+/// Standard deviation of what differs from sample to sample: third differences of independent samples have 20 times their variance,
+/// and the median of a size is at 0.6745 deviations.
+fn noise(values: &[f64]) -> f64 {
+    let steps = values.windows(4);
+    let mut steps: Vec<f64> = steps
+        .map(|x| (x[3] - 3.0 * x[2] + 3.0 * x[1] - x[0]).abs())
+        .collect();
+    if steps.is_empty() {
+        return 0.0;
+    }
+    let middle = steps.len() / 2;
+    let (_, median, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
+    *median / 0.6745 / 20.0_f64.sqrt()
+}
+
+fn thinned(values: &[f64], every: usize) -> Vec<f64> {
+    values.iter().copied().step_by(every).collect()
+}
+
+fn velocity_reference(columns: &JointColumns, grid: &Grid) -> Option<Vec<f64>> {
+    let values = crate::twin::stretch::measured(columns, Signal::ReferenceVelocityRadS)?;
+    Some(grid.sample(values, 1.0).0)
+}
+
+/// Torque that the robot file's controller makes, joint side: `kp·(reference - q) + kd·(reference rate - q̇)`, cut off at the drive's
+/// limit, from the sample at which it acts.
+fn controlled(
+    robot: &Robot,
+    joint: usize,
+    reference_rad: &[f64],
+    position_rad: &[f64],
+    rate_rad_s: Option<Vec<f64>>,
+    rate_hz: f64,
+) -> Option<Vec<f64>> {
+    let control = controller(robot)?;
+    let file = &robot.joints[joint];
+    let limit_nm = file
+        .torque_limit_nm
+        .map_or(f64::INFINITY, |limit_nm| limit_nm * file.gear_ratio.abs());
+    let rate_rad_s = rate_rad_s.unwrap_or_else(|| derivative(reference_rad, 1.0 / rate_hz));
+    let velocity_rad_s = derivative(position_rad, 1.0 / rate_hz);
+    let [kp, kd] = [
+        control.proportional_nm_rad[joint],
+        control.derivative_nm_s_rad[joint],
+    ];
+    let rows = 0..position_rad.len();
+    let torque_nm = rows.map(|k| {
+        let spring_nm = kp * (reference_rad[k] - position_rad[k]);
+        let damper_nm = kd * (rate_rad_s[k] - velocity_rad_s[k]);
+        (spring_nm + damper_nm).clamp(-limit_nm, limit_nm)
+    });
+    Some(torque_nm.collect())
+}
+
+/// `kd` times the reference's rate.
+fn rate_feed(robot: &Robot, joint: usize, reference_rad: &[f64], rate_hz: f64) -> Option<Vec<f64>> {
+    let kd = controller(robot)?.derivative_nm_s_rad[joint];
+    let rate_rad_s = derivative(reference_rad, 1.0 / rate_hz);
+    Some(rate_rad_s.iter().map(|rate| kd * rate).collect())
+}
+
+impl JointMotion {
+    /// The torque; of a controller that `feeds_rate` or does not, where nothing tells that.
+    pub fn torque_nm(&self, feeds_rate: bool) -> Option<Cow<'_, [f64]>> {
+        let torque_nm = self.torque_nm.as_ref()?;
+        match &self.rate_feed_nm {
+            Some(feed_nm) if !feeds_rate => {
+                let both = torque_nm.iter().zip(feed_nm);
+                Some(Cow::Owned(both.map(|(all, feed)| all - feed).collect()))
+            }
+            _ => Some(Cow::Borrowed(torque_nm)),
+        }
+    }
+}

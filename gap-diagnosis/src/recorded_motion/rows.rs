@@ -1,0 +1,454 @@
+//! One joint's compared rows: the torque that the robot file does not need, and all columns that may explain it, in one band.
+
+use joint_model::filter::FilterError;
+use nalgebra::{SMatrix, SVector};
+use robot::Robot;
+
+use super::dynamics::{ArmColumn, Drive, Torques, that_count, tip_weights};
+use super::laws::{Along, Law};
+use super::motion::{JointMotion, Piece};
+use super::presliding::{self, Presliding};
+use super::signals::TorqueSource;
+use crate::evidence::rows::Rows;
+use crate::signal::band::Band;
+use crate::signal::smooth::derivative;
+
+/// Compared rows of a joint at most: twenty times as many as are independent on the longest of eight real logs.
+const ROWS_MAX: usize = 3000;
+/// A torque is said to be reversed where what goes against the motion is so many times the square of all else: two of its root mean
+/// squares.
+const CLEAR: f64 = 4.0;
+/// Part of its speed that a joint usually does not exceed.
+const USUAL: f64 = 0.95;
+/// Standard deviation of the time by which torque and position may be apart beside a sample, in seconds: filters of usual drives and
+/// torque sensors delay by 1 to 3 ms. No file tells it, and it is no effect.
+const CLOCK_S: f64 = 2e-3;
+/// Part of the measured torque that the file must need for its scale to be looked at.
+const CARRIES: f64 = 1e-3;
+
+/// Rows of one joint, all of one length.
+#[derive(Clone, Debug, Default)]
+pub struct JointRows {
+    /// What they are and what they are held against.
+    pub seen: Rows,
+    /// Torque that the rigid bodies need.
+    pub rigid_nm: Vec<f64>,
+    /// What was commanded, where that is beside the measured torque.
+    pub command_nm: Option<Vec<f64>>,
+    /// Columns of each law.
+    pub laws: Vec<(Law, Vec<Vec<f64>>)>,
+    /// Columns of one standard deviation each, of what the file may be wrong about.
+    pub tolerated: Vec<Vec<f64>>,
+    /// Columns of one standard deviation each, of what no file tells: the time between torque and position, and how friction bends.
+    pub untold: Vec<Vec<f64>>,
+    /// Friction that bends, the file's and what is found of it.
+    pub dry_nm: f64,
+    /// Columns of a payload: mass, and first moment along three axes.
+    pub payload: Vec<Vec<f64>>,
+    /// Columns of a point's inertia at the tip, place by place.
+    pub tip: Vec<Vec<f64>>,
+    /// Columns of the base's roll and pitch.
+    pub tilt: Vec<Vec<f64>>,
+    /// Usual speed.
+    pub speed_rad_s: f64,
+    /// Mean position.
+    pub mean_rad: f64,
+    /// How friction turns round.
+    pub presliding: Presliding,
+    /// Whether the controller feeds the reference's velocity back, where that was open.
+    pub feeds_rate: bool,
+    /// Inertia about the axis.
+    pub inertia_kg_m2: f64,
+    /// Noise of the torque within the band, if it is alike at all frequencies.
+    pub noise_nm: f64,
+}
+
+/// What one piece gives to a joint's rows.
+struct Kept<'a> {
+    band: Band,
+    rows: &'a [usize],
+}
+
+impl Kept<'_> {
+    fn limited(&self, column: &[f64]) -> Result<Vec<f64>, FilterError> {
+        let smooth = self.band.limit(column)?;
+        Ok(self.raw(&smooth))
+    }
+
+    fn raw(&self, column: &[f64]) -> Vec<f64> {
+        self.rows.iter().map(|row| column[*row]).collect()
+    }
+}
+
+impl JointRows {
+    /// Rows of a joint along all pieces; none where it has no torque or too few rows.
+    ///
+    /// # Errors
+    /// [`FilterError`].
+    pub fn of(
+        robot: &Robot,
+        joint: usize,
+        source: TorqueSource,
+        pieces: &[Piece],
+        torques: &[Torques],
+    ) -> Result<Option<Self>, FilterError> {
+        let counted = |piece: &Piece| {
+            let of_joint = &piece.joints[joint];
+            let rows = piece.counted();
+            let whole = rows.filter(|row| of_joint.is_whole[*row]);
+            whole.collect::<Vec<usize>>()
+        };
+        let mut counted: Vec<Vec<usize>> = pieces.iter().map(counted).collect();
+        for (rows, piece) in counted.iter_mut().zip(pieces) {
+            let begun = begun(&piece.joints[joint]);
+            rows.retain(|row| *row >= begun);
+        }
+        let total: usize = counted.iter().map(Vec::len).sum();
+        if total == 0 {
+            return Ok(None);
+        }
+        let every = total.div_ceil(ROWS_MAX).max(1);
+        let of_rows = |of: fn(&JointMotion) -> &[f64]| {
+            let both = pieces.iter().zip(&counted);
+            let values = both.flat_map(|(piece, rows)| {
+                let column = of(&piece.joints[joint]);
+                rows.iter().map(|row| column[*row])
+            });
+            values.collect::<Vec<f64>>()
+        };
+        let speed_rad_s = usual(of_rows(|joint| &joint.velocity_rad_s));
+        let position_rad = of_rows(|joint| &joint.position_rad);
+        let mean_rad = position_rad.iter().sum::<f64>() / total as f64;
+        let drive = Drive::of(robot, joint, source);
+        let is_open = pieces
+            .iter()
+            .any(|piece| piece.joints[joint].rate_feed_nm.is_some());
+        let mut bend = presliding(&drive, joint, pieces, torques, &counted, true)?;
+        let mut feeds_rate = true;
+        if is_open {
+            let without = presliding(&drive, joint, pieces, torques, &counted, false)?;
+            if without.1 < bend.1 {
+                (bend, feeds_rate) = (without, false);
+            }
+        }
+        let mut rows = Self {
+            speed_rad_s,
+            presliding: bend.0,
+            dry_nm: bend.2 + drive.dry_nm(speed_rad_s),
+            feeds_rate,
+            mean_rad,
+            inertia_kg_m2: torques[0].inertia_kg_m2[joint],
+            ..Self::default()
+        };
+        let gravity_part = gravity_part(robot, joint, pieces);
+        let laws = Law::of_joint(speed_rad_s, true, gravity_part);
+        rows.laws = laws
+            .iter()
+            .map(|law| (*law, vec![Vec::new(); law.amplitudes()]))
+            .collect();
+        for ((piece, torques), counted) in pieces.iter().zip(torques).zip(&counted) {
+            let motion = &piece.joints[joint];
+            if motion.torque_nm.is_none() {
+                return Ok(None);
+            }
+            let band_part = 2.0 * piece.compared_hz() / motion.recorded_hz;
+            rows.noise_nm = rows.noise_nm.max(motion.noise_nm * band_part.sqrt());
+            let kept_rows: Vec<usize> = counted.iter().copied().step_by(every).collect();
+            let kept = Kept {
+                band: Band::of(piece.rate_hz, piece.compared_hz()),
+                rows: &kept_rows,
+            };
+            rows.add(&drive, piece, torques, joint, &kept)?;
+        }
+        rows.tolerated = that_count(std::mem::take(&mut rows.tolerated));
+        rows.tolerated.append(&mut rows.untold);
+        let rms = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if rms(&rows.seen.nominal_nm) < CARRIES * rms(&rows.seen.measured_nm) {
+            rows.laws
+                .retain(|(law, _)| !matches!(law, Law::LoadDependent | Law::TorqueConstant));
+        }
+        Ok(Some(rows))
+    }
+
+    /// Columns of a payload that is about at a place. Its inertia is quadratic in the first moment and inverse in the mass; as both grow
+    /// together it does too, so that its slopes alone make it (Euler), without a constant.
+    pub fn payload_at(&self, centre_m: [f64; 3]) -> Vec<Vec<f64>> {
+        let mut columns = self.payload.clone();
+        let at = tip_weights(centre_m);
+        for (place, column) in columns.iter_mut().enumerate() {
+            let weights: [f64; 6] = match place.checked_sub(1) {
+                None => at.map(|weight| -weight),
+                Some(axis) => {
+                    let mut unit = [0.0; 3];
+                    unit[axis] = 1.0;
+                    let alone = tip_weights(unit);
+                    let mut both_m = centre_m;
+                    both_m[axis] += 1.0;
+                    let both = tip_weights(both_m);
+                    std::array::from_fn(|k| both[k] - alone[k] - at[k])
+                }
+            };
+            for (tip, weight) in self.tip.iter().zip(weights) {
+                for (sum, change) in column.iter_mut().zip(tip) {
+                    *sum += weight * change;
+                }
+            }
+        }
+        columns
+    }
+
+    /// Whether the torque goes against the motion: both what the rigid bodies need of it and friction have the wrong sign.
+    pub fn is_reversed(&self) -> bool {
+        let slip = self.laws.iter().find(|(law, _)| *law == Law::Coulomb);
+        let Some(slip) = slip.and_then(|(_, columns)| columns.first()) else {
+            return false;
+        };
+        let mut gram = SMatrix::<f64, 4, 4>::identity() * f64::MIN_POSITIVE;
+        let mut vector = SVector::<f64, 4>::zeros();
+        let mut squares = SVector::<f64, 4>::zeros();
+        let mean_nm = self.rigid_nm.iter().sum::<f64>() / self.seen.len().max(1) as f64;
+        for (k, slip) in slip.iter().enumerate() {
+            let x = SVector::from([
+                self.rigid_nm[k] - mean_nm,
+                *slip,
+                self.seen.velocity_rad_s[k],
+                1.0,
+            ]);
+            gram += x * x.transpose();
+            vector += x * self.seen.measured_nm[k];
+            squares += x.component_mul(&x);
+        }
+        let Some(solved) = gram.cholesky() else {
+            return false;
+        };
+        let values = solved.solve(&vector);
+        let left = self.seen.measured_nm.iter().map(|x| x * x).sum::<f64>() - values.dot(&vector);
+        let part = |k: usize| values[k].signum() * values[k].powi(2) * squares[k];
+        let (rigid, friction) = (part(0), part(1));
+        rigid <= 0.0 && friction <= 0.0 && -(rigid + friction) > CLEAR * left
+    }
+
+    fn add(
+        &mut self,
+        drive: &Drive,
+        piece: &Piece,
+        torques: &Torques,
+        joint: usize,
+        kept: &Kept<'_>,
+    ) -> Result<(), FilterError> {
+        let motion = &piece.joints[joint];
+        let rigid_nm = &torques.rigid_nm[joint];
+        let slip = self.presliding.slip(motion);
+        let nominal_nm = drive.torque_nm(motion, &slip, rigid_nm);
+        let along = Along {
+            motion,
+            slip: &slip,
+            nominal_nm: &nominal_nm,
+            load_nm: rigid_nm,
+            mean_rad: self.mean_rad,
+        };
+        for (law, columns) in &mut self.laws {
+            for (column, added) in columns.iter_mut().zip(law.columns(&along)) {
+                column.extend(kept.limited(&added)?);
+            }
+        }
+        let own = drive.tolerated(motion, &slip, rigid_nm);
+        let links = torques.links.iter().map(|arm| arm.change_nm[joint].clone());
+        let mut tolerated = Vec::new();
+        for column in own.into_iter().chain(links) {
+            tolerated.push(kept.limited(&column)?);
+        }
+        join(&mut self.tolerated, tolerated);
+        join(&mut self.payload, of_arm(&torques.payload, joint, kept)?);
+        join(&mut self.tip, of_arm(&torques.tip, joint, kept)?);
+        join(&mut self.tilt, of_arm(&torques.tilt, joint, kept)?);
+        if let Some(torque_nm) = motion.torque_nm(self.feeds_rate) {
+            let smooth_nm = kept.band.limit(&torque_nm)?;
+            let mut untold = vec![kept.raw(&clock(&smooth_nm, piece, motion))];
+            for other in self.presliding.others() {
+                let bent = other.slip(motion);
+                let both = bent.iter().zip(&slip);
+                let apart: Vec<f64> = both.map(|(a, b)| self.dry_nm * (a - b)).collect();
+                untold.push(kept.limited(&apart)?);
+            }
+            join(&mut self.untold, untold);
+            self.seen.measured_nm.extend(kept.raw(&smooth_nm));
+        }
+        if let Some(command_nm) = &motion.command_nm {
+            let all = self.command_nm.get_or_insert_default();
+            all.extend(kept.limited(command_nm)?);
+        }
+        self.seen.nominal_nm.extend(kept.limited(&nominal_nm)?);
+        self.rigid_nm.extend(kept.limited(rigid_nm)?);
+        self.seen.load_nm.extend(kept.raw(rigid_nm));
+        self.seen
+            .position_rad
+            .extend(kept.raw(&motion.position_rad));
+        self.seen
+            .velocity_rad_s
+            .extend(kept.raw(&motion.velocity_rad_s));
+        self.seen
+            .since_reversal_s
+            .extend(kept.raw(&since_reversal_s(motion, piece.rate_hz)));
+        self.seen
+            .time_s
+            .extend(kept.rows.iter().map(|row| piece.time_s(*row)));
+        Ok(())
+    }
+}
+
+/// How a torque changes by a standard deviation of its samples' time.
+fn clock(torque_nm: &[f64], piece: &Piece, motion: &JointMotion) -> Vec<f64> {
+    let apart_s = CLOCK_S.hypot(1.0 / motion.recorded_hz);
+    let rate = derivative(torque_nm, 1.0 / piece.rate_hz);
+    rate.iter().map(|rate| apart_s * rate).collect()
+}
+
+/// The bend that leaves least of a joint's torque beside Coulomb and viscous friction, an offset, inertia, a gain, and what the
+/// clocks may be apart; the sum of squares that it leaves; and the dry friction beyond the
+/// file's.
+fn presliding(
+    drive: &Drive,
+    joint: usize,
+    pieces: &[Piece],
+    torques: &[Torques],
+    counted: &[Vec<usize>],
+    feeds_rate: bool,
+) -> Result<(Presliding, f64, f64), FilterError> {
+    /// Rows of a piece that are looked at.
+    const ROWS: usize = 2000;
+    let mut dry_nm = 0.0;
+    let mut least = f64::INFINITY;
+    let (bend, left) = presliding::least(|bend| {
+        let mut gram = SMatrix::<f64, 6, 6>::identity() * f64::MIN_POSITIVE;
+        let mut vector = SVector::<f64, 6>::zeros();
+        let mut square = 0.0;
+        for ((piece, torques), counted) in pieces.iter().zip(torques).zip(counted) {
+            let motion = &piece.joints[joint];
+            let Some(torque_nm) = motion.torque_nm(feeds_rate) else {
+                continue;
+            };
+            let slip = bend.slip(motion);
+            let nominal_nm = drive.torque_nm(motion, &slip, &torques.rigid_nm[joint]);
+            let gap_nm: Vec<f64> = torque_nm
+                .iter()
+                .zip(&nominal_nm)
+                .map(|(torque, nominal)| torque - nominal)
+                .collect();
+            let band = Band::of(piece.rate_hz, piece.compared_hz());
+            let [gap_nm, slip, velocity, acceleration, nominal_nm, smooth_nm] = [
+                band.limit(&gap_nm)?,
+                band.limit(&slip)?,
+                band.limit(&motion.velocity_rad_s)?,
+                band.limit(&motion.acceleration_rad_s2)?,
+                band.limit(&nominal_nm)?,
+                band.limit(&torque_nm)?,
+            ];
+            let clock = clock(&smooth_nm, piece, motion);
+            for row in counted.iter().step_by(counted.len().div_ceil(ROWS).max(1)) {
+                let x = SVector::from([
+                    slip[*row],
+                    velocity[*row],
+                    1.0,
+                    clock[*row],
+                    acceleration[*row],
+                    nominal_nm[*row],
+                ]);
+                gram += x * x.transpose();
+                vector += x * gap_nm[*row];
+                square += gap_nm[*row].powi(2);
+            }
+        }
+        let Some(solved) = gram.cholesky() else {
+            return Ok(square);
+        };
+        let values = solved.solve(&vector);
+        let left = square - vector.dot(&values);
+        if left < least {
+            least = left;
+            dry_nm = values[0].abs();
+        }
+        Ok(left)
+    })?;
+    Ok((bend, left, dry_nm))
+}
+
+fn of_arm(
+    columns: &[ArmColumn],
+    joint: usize,
+    kept: &Kept<'_>,
+) -> Result<Vec<Vec<f64>>, FilterError> {
+    columns
+        .iter()
+        .map(|arm| kept.limited(&arm.change_nm[joint]))
+        .collect()
+}
+
+/// Appends each column to the one in its place.
+fn join(all: &mut Vec<Vec<f64>>, added: Vec<Vec<f64>>) {
+    all.resize(added.len().max(all.len()), Vec::new());
+    for (column, added) in all.iter_mut().zip(added) {
+        column.extend(added);
+    }
+}
+
+/// The row at which a joint has begun to move: how far friction is bent before, nobody knows.
+fn begun(motion: &JointMotion) -> usize {
+    /// Of the usual speed.
+    const MOVES: f64 = 0.1;
+    let speed_rad_s = usual(motion.velocity_rad_s.clone());
+    let moves = |v: &f64| v.abs() > MOVES * speed_rad_s;
+    motion.velocity_rad_s.iter().position(moves).unwrap_or(0)
+}
+
+fn usual(mut values: Vec<f64>) -> f64 {
+    for value in &mut values {
+        *value = value.abs();
+    }
+    values.sort_by(f64::total_cmp);
+    let place = (USUAL * values.len().saturating_sub(1) as f64) as usize;
+    values.get(place).copied().unwrap_or(0.0)
+}
+
+fn since_reversal_s(motion: &JointMotion, rate_hz: f64) -> Vec<f64> {
+    let mut since = 0.0;
+    let mut before = 0.0;
+    let velocity = motion.velocity_rad_s.iter();
+    velocity
+        .map(|velocity_rad_s| {
+            if *velocity_rad_s * before < 0.0 {
+                since = 0.0;
+            } else {
+                since += 1.0 / rate_hz;
+            }
+            before = *velocity_rad_s;
+            since
+        })
+        .collect()
+}
+
+/// Largest part of gravity that lies across a joint's axis on the recorded motion.
+fn gravity_part(robot: &Robot, joint: usize, pieces: &[Piece]) -> f64 {
+    /// Poses that are looked at in a piece.
+    const POSES: usize = 50;
+    let gravity = robot.chain.gravity_m_s2();
+    if gravity.norm() == 0.0 {
+        return 0.0;
+    }
+    let axis = robot.chain.links()[joint].axis;
+    let poses = pieces.iter().flat_map(|piece| {
+        let every = (piece.rows() / POSES).max(1);
+        (0..piece.rows()).step_by(every).map(move |row| {
+            let joints = piece.joints.iter();
+            joints
+                .map(|joint| joint.position_rad[row])
+                .collect::<Vec<f64>>()
+        })
+    });
+    let across = poses.map(|position_rad| {
+        let frame = robot.chain.joint_frame(&position_rad, joint);
+        let along = (frame.rotation * axis.into_inner()).dot(&gravity) / gravity.norm();
+        (1.0 - along * along).max(0.0).sqrt()
+    });
+    across.fold(0.0, f64::max)
+}

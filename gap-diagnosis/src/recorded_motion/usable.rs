@@ -1,0 +1,191 @@
+//! What of the recordings can be used: a bad column is left out where others suffice, a bad joint is told, and only where nothing can
+//! be told of any joint the diagnosis has nothing to say.
+
+use recording::{Finding, FindingKind, JointColumns, Recording, Severity, Signal};
+use robot::Robot;
+
+use super::motion::Read;
+use super::signals::{self, TorqueSource};
+use crate::checks::data;
+use crate::report::DataFinding;
+use crate::twin::stretch::measured;
+
+/// What is read of each joint, or why not.
+pub struct Usable {
+    /// In the robot file's order.
+    pub read: Vec<Read>,
+    /// Why nothing is said of a joint, where that is so.
+    pub against: Vec<Option<String>>,
+    /// What a reader of the report should know.
+    pub findings: Vec<DataFinding>,
+}
+
+impl Usable {
+    /// Of recordings of a robot.
+    pub fn of(robot: &Robot, recordings: &[&Recording]) -> Self {
+        let mut found: Vec<Finding> = Vec::new();
+        for recording in recordings {
+            for finding in data::findings(robot, recording) {
+                if !found.contains(&finding) {
+                    found.push(finding);
+                }
+            }
+        }
+        let mut usable = Self {
+            read: Vec::new(),
+            against: Vec::new(),
+            findings: Vec::new(),
+        };
+        for joint in &robot.joints {
+            usable.add(robot, &joint.name, recordings, &found);
+        }
+        usable.without_places(robot, &found);
+        let used = |finding: &Finding| usable.uses(robot, finding);
+        // a sign in doubt is looked at along the motion
+        let decided = found
+            .iter()
+            .filter(|finding| !is_of_sign(finding) || !used(finding));
+        let told = decided.map(|finding| reported(finding, used(finding)));
+        let told: Vec<DataFinding> = told.collect();
+        usable.findings.extend(told);
+        usable
+    }
+
+    /// Whether a column that a finding is about is used.
+    fn uses(&self, robot: &Robot, finding: &Finding) -> bool {
+        let (Some(joint), Some(signal)) = (&finding.joint, finding.signal) else {
+            return true;
+        };
+        let Some(index) = robot.joint_index(joint) else {
+            return true;
+        };
+        if self.against[index].is_some() {
+            return true;
+        }
+        let read = self.read[index];
+        let torque = read.torque.map(TorqueSource::signal);
+        read.position == Some(signal) || torque == Some(signal)
+    }
+
+    fn add(&mut self, robot: &Robot, joint: &str, recordings: &[&Recording], found: &[Finding]) {
+        let columns: Vec<&JointColumns> = recordings
+            .iter()
+            .filter_map(|recording| recording.joint(joint).ok())
+            .collect();
+        let of_joint: Vec<&Finding> = found
+            .iter()
+            .filter(|finding| finding.joint.as_deref().is_none_or(|name| name == joint))
+            .collect();
+        let has_drive = columns
+            .iter()
+            .any(|columns| measured(columns, Signal::MotorTorqueNm).is_some());
+        let is_bad = |signal: Signal| {
+            of_joint.iter().any(|finding| {
+                let is_error = finding.severity == Severity::Error;
+                let is_command = has_drive && signal == Signal::CommandTorqueNm;
+                is_error && finding.signal == Some(signal) && (is_command || !is_of_sign(finding))
+            })
+        };
+        let whole = columns.len() == recordings.len();
+        let columns: &[&JointColumns] = if whole { &columns } else { &[] };
+        let nothing = columns.is_empty();
+        let position = (!nothing)
+            .then(|| signals::position(columns, is_bad, signals::controller(robot)))
+            .flatten();
+        let torque = if nothing {
+            None
+        } else {
+            let all = TorqueSource::of(robot, columns, is_bad);
+            all.first().copied()
+        };
+        let against = if nothing {
+            Some("no recording has the joint".to_owned())
+        } else {
+            let decides = |finding: &&&Finding| match finding.severity {
+                Severity::Error => match finding.signal {
+                    Some(signal) if finding.is_of_position() => {
+                        position.is_none() || position == Some(signal)
+                    }
+                    Some(_) => torque.is_none() && !is_of_sign(finding),
+                    None => !is_bridged(finding),
+                },
+                _ => finding.kind == FindingKind::NoMotion && finding.joint.is_some(),
+            };
+            let decided = of_joint.iter().find(decides).map(|f| f.told());
+            decided.or_else(|| {
+                torque.is_none().then(|| {
+                    "nothing tells its torque: no motor_torque_nm, joint_torque_nm or command_torque_nm, and the robot file's \
+                     [control] does not tell how reference and position make one"
+                        .to_owned()
+                })
+            })
+        };
+        self.read.push(Read {
+            position,
+            torque: torque.filter(|_| against.is_none()),
+        });
+        self.against.push(against);
+    }
+
+    /// What a joint carries depends on where the others are.
+    fn without_places(&mut self, robot: &Robot, found: &[Finding]) {
+        let wrong = found.iter().find(|finding| {
+            let index = finding.joint.as_deref().and_then(|j| robot.joint_index(j));
+            finding.severity == Severity::Error
+                && finding.is_of_position()
+                && index.is_some_and(|index| self.against[index].is_some())
+        });
+        let Some(wrong) = wrong else {
+            return;
+        };
+        for against in &mut self.against {
+            against.get_or_insert_with(|| {
+                format!("what it carries depends on where the other joints are: {wrong}")
+            });
+        }
+    }
+}
+
+/// Whether it doubts a torque's sign: the masses of the robot file tell that better.
+fn is_of_sign(finding: &Finding) -> bool {
+    let torques = [
+        Signal::MotorTorqueNm,
+        Signal::CommandTorqueNm,
+        Signal::JointTorqueNm,
+    ];
+    finding.kind == FindingKind::ReversedSign
+        && finding
+            .signal
+            .is_some_and(|signal| torques.contains(&signal))
+}
+
+/// Rows that are missing are bridged, or end a piece where many are.
+fn is_bridged(finding: &Finding) -> bool {
+    matches!(
+        finding.kind,
+        FindingKind::Gaps | FindingKind::Jitter | FindingKind::RateOff | FindingKind::RepeatedTimes
+    )
+}
+
+fn reported(finding: &Finding, is_used: bool) -> DataFinding {
+    let error = finding.severity == Severity::Error;
+    let left_out = error && !is_used;
+    let severity = match finding.severity {
+        Severity::Error if left_out || is_bridged(finding) => "warning",
+        Severity::Error => "error",
+        Severity::Warning => "warning",
+        Severity::Note => "note",
+    };
+    let signal = finding.signal.map_or("", Signal::name);
+    let what = if left_out {
+        format!("{signal} is left out: {}", finding.what)
+    } else {
+        finding.what.clone()
+    };
+    DataFinding {
+        joint: finding.joint.clone(),
+        severity: severity.to_owned(),
+        what,
+        remedy: finding.remedy.clone(),
+    }
+}

@@ -1,0 +1,8 @@
+//! What is done to any sampled signal, whatever it measures.
+
+pub mod band;
+pub mod random;
+pub(crate) mod rounding;
+pub(crate) mod runs;
+pub mod smooth;
+pub(crate) mod waves;

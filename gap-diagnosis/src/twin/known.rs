@@ -1,0 +1,523 @@
+//! What the robot file already knows and may be a little wrong about, and what no file speaks of but every joint has:
+//! refitted within its tolerance before anything is called a gap.
+
+use std::f64::consts::FRAC_PI_2;
+
+use joint_model::friction::{LoadTorqueRow, Sliding, StribeckFriction, StribeckRow};
+use joint_model::rigid_body::{Chain, ChainError, Link};
+use robot::{Robot, Tolerance};
+
+use crate::twin::joint::{Harmonic, JointModel};
+use crate::twin::load::{LoadChange, Motion};
+
+/// Values of links whose tolerance moves the joint's torque less than this part of what the most important one does do not
+/// count.
+const LINK_PART_MIN: f64 = 0.05;
+/// Relative change by which a link's share of the load is found.
+const LINK_STEP: f64 = 0.1;
+/// Standard deviation of the lag of a current loop that no file speaks of.
+const LAG_S: f64 = 2e-4;
+/// How far the corners of a published table may be rounded off.
+const ROUNDING_NM: f64 = 1.0;
+/// Part of the friction at rest that may be left where a load that drives the motion eases it, by its table, to nothing or less:
+/// gears rub however they are driven, and no table tells how much.
+const LEAST_PART: f64 = 0.1;
+/// In creeping motion friction is less than its law says: by about this part, below about this speed. First of joints whose bristles
+/// have not all bent; then of those that drag as they begin to move, as an oil's film does and the smoothed sign of a simulator.
+const CREEPS: [(f64, f64); 2] = [(0.15, 0.015), (0.3, 0.003)];
+/// Friction that bristles carry follows a wavy level otherwise than a law does: part of the level's amplitude, 0.10 to 0.13 on
+/// development robots, and how many harmonics are looked at.
+const WAVINESS_PART: f64 = 0.06;
+const WAVY_TERMS: usize = 3;
+/// Standard deviation of the time between readings of a joint's two encoders, as a part of the time between samples: who reads
+/// them one after the other does so within about one.
+const SKEW_PART: f64 = 0.5;
+/// Standard deviation of the difference between their zeros.
+const ZERO_RAD: f64 = 1e-3;
+/// Natural logarithm of the factor by which a presliding length may be off.
+const PRESLIDING_LN: f64 = 1.0;
+/// Steps in which the inertia that a link can spare is found.
+const HALVINGS: usize = 30;
+
+/// A value of the robot file, or a property of every joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Known {
+    /// Friction at rest, viscous slope, rise and its velocity, of the curve of one direction.
+    Curve(usize, CurveValue),
+    /// Slopes of the load torque of one direction.
+    LoadTorque(usize),
+    /// Friction over the motor angle.
+    Lookup,
+    /// Sum of the file's Coulomb friction.
+    Coulomb,
+    /// Sum of the file's viscous friction.
+    Viscous,
+    /// Sum of the file's quadratic friction.
+    Quadratic,
+    /// Sum of the file's asymmetry.
+    Asymmetric,
+    /// Sum of the file's friction under load.
+    LoadDependent,
+    /// A Stribeck term's height.
+    Stribeck(usize),
+    /// A Stribeck term's velocity.
+    StribeckVelocity(usize),
+    /// A harmonic of friction.
+    Periodic(usize),
+    /// What bristles make of a harmonic of friction: a torque over the same angle, whatever the direction, in phase with it
+    /// (0) or a quarter cycle before (1).
+    Waviness(usize, usize),
+    /// Of the gear.
+    Stiffness,
+    /// Motor side.
+    RotorInertia,
+    /// A link's mass, its inertia about its centre aside.
+    Mass(usize),
+    /// Where a link's centre of mass is, along an axis of its joint's frame.
+    Centre(usize, usize),
+    /// A link's inertia about its centre of mass.
+    Inertia(usize),
+    /// How far friction bends before it slips.
+    Presliding,
+    /// Of the current loop.
+    Lag,
+    /// Corners of the load torque.
+    Rounding,
+    /// What is left of friction under whatever load: joint-side torque.
+    Least,
+    /// How much less friction there is in creeping motion, the slower of two ways: joint-side torque.
+    Creep(usize),
+    /// How much later the link's encoder is read than the motor's.
+    Skew,
+    /// Zero of the link's encoder less that of the motor's.
+    Zero,
+}
+
+impl Known {
+    /// Whether it is of a link, and so of the load of every joint before it.
+    pub fn is_of_links(self) -> bool {
+        matches!(self, Self::Mass(_) | Self::Centre(..) | Self::Inertia(_))
+    }
+
+    /// Multiplies what it is of a chain's links; nothing if it is not of links.
+    pub fn multiply(self, links: &mut [Link], factor: f64) {
+        match self {
+            Self::Mass(link) => links[link].mass_kg *= factor,
+            Self::Centre(link, axis) => links[link].centre_of_mass_m[axis] *= factor,
+            Self::Inertia(link) => links[link].inertia_kg_m2 *= factor,
+            _ => {}
+        }
+    }
+
+    /// The effect that a change of the value would be called; none for what no effect is made of.
+    pub fn effect(self) -> Option<&'static str> {
+        match self {
+            Self::Curve(_, CurveValue::Rest) | Self::Coulomb => Some("coulomb_friction"),
+            Self::Curve(_, CurveValue::Slope) | Self::Viscous => Some("viscous_friction"),
+            Self::Curve(..) | Self::Stribeck(_) | Self::StribeckVelocity(_) => {
+                Some("stribeck_friction")
+            }
+            Self::LoadTorque(_) | Self::LoadDependent => Some("load_dependent_friction"),
+            Self::Lookup | Self::Periodic(_) => Some("position_dependent_friction"),
+            Self::Quadratic => Some("quadratic_friction"),
+            Self::Asymmetric => Some("asymmetric_friction"),
+            Self::Stiffness => Some("torsional_compliance"),
+            Self::RotorInertia => Some("rotor_inertia"),
+            Self::Mass(_) | Self::Centre(..) => Some("payload"),
+            Self::Inertia(_) => Some("link_inertia"),
+            Self::Waviness(..)
+            | Self::Presliding
+            | Self::Lag
+            | Self::Rounding
+            | Self::Least
+            | Self::Creep(_)
+            | Self::Skew
+            | Self::Zero => None,
+        }
+    }
+}
+
+/// A column of a friction curve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CurveValue {
+    /// Level at rest.
+    Rest,
+    /// Viscous slope.
+    Slope,
+    /// Rise from rest.
+    Rise,
+    /// Velocity of the rise.
+    Velocity,
+}
+
+/// Something known, with how well.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KnownValue {
+    /// What.
+    pub known: Known,
+    /// Standard deviation: relative for values of the file, else in the property's own unit.
+    pub deviation: f64,
+}
+
+impl KnownValue {
+    /// Whether it cannot be negative.
+    pub fn is_positive(&self) -> bool {
+        matches!(
+            self.known,
+            Known::Lag | Known::Rounding | Known::Least | Known::Creep(_)
+        )
+    }
+
+    /// Changes the model by so many standard deviations.
+    pub fn apply(&self, model: &mut JointModel, deviations: f64) {
+        let change = deviations * self.deviation;
+        let factor = 1.0 + change;
+        let friction = &mut model.friction;
+        match self.known {
+            Known::Curve(direction, value) => {
+                if let Some(curve) = &mut friction.curve {
+                    let row = if direction == 0 {
+                        &mut curve.positive
+                    } else {
+                        &mut curve.negative
+                    };
+                    *curve_value(row, value) *= factor;
+                }
+            }
+            Known::LoadTorque(direction) => {
+                if let Some(law) = &mut friction.load_torque {
+                    let row = if direction == 0 {
+                        &mut law.positive
+                    } else {
+                        &mut law.negative
+                    };
+                    scale_row(row, factor);
+                }
+            }
+            Known::Lookup => {
+                if let Some(lookup) = &mut friction.lookup {
+                    let scaled = |row: &[f64]| row.iter().map(|level| factor * level).collect();
+                    lookup.positive_nm = scaled(&lookup.positive_nm);
+                    lookup.negative_nm = scaled(&lookup.negative_nm);
+                }
+            }
+            Known::Coulomb => friction.coulomb.coulomb_nm *= factor,
+            Known::Viscous => friction.viscous.viscous_nm_s_rad *= factor,
+            Known::Quadratic => friction.quadratic.quadratic_nm_s2_rad2 *= factor,
+            Known::Asymmetric => friction.asymmetric.asymmetry_nm *= factor,
+            Known::LoadDependent => friction.load_dependent.load_coefficient *= factor,
+            Known::Stribeck(term) => friction.stribeck[term].stribeck_nm *= factor,
+            Known::StribeckVelocity(term) => {
+                friction.stribeck[term].stribeck_velocity_rad_s *= factor.max(0.1);
+            }
+            Known::Periodic(term) => friction.periodic[term].amplitude_nm *= factor,
+            Known::Waviness(term, quarter) if change != 0.0 => {
+                let law = &friction.periodic[term];
+                // a joint that has no room for the term has eight of them already
+                let _ = model.torque_ripple.try_push(Harmonic {
+                    amplitude: change * law.amplitude_nm / model.gear_ratio,
+                    cycles_per_rev: law.cycles_per_motor_rev,
+                    phase_rad: law.phase_rad + quarter as f64 * FRAC_PI_2,
+                });
+            }
+            Known::Waviness(..) => {}
+            Known::Stiffness => model.stiffness_nm_rad *= factor.max(0.1),
+            Known::RotorInertia => model.rotor_inertia_kg_m2 *= factor.max(0.1),
+            Known::Presliding => model.presliding_rad *= change.exp(),
+            Known::Lag => model.current_lag_s += change.max(0.0),
+            Known::Rounding => {
+                if let Some(law) = &mut friction.load_torque {
+                    law.knee_rounding_nm += change.max(0.0);
+                }
+            }
+            Known::Least => friction.least_nm += change.max(0.0),
+            Known::Creep(way) => {
+                // a joint that has no room for the term has eight of them already
+                let _ = friction.stribeck.try_push(StribeckFriction {
+                    stribeck_nm: -change.max(0.0),
+                    stribeck_velocity_rad_s: CREEPS[way].1,
+                });
+            }
+            Known::Skew => model.link_skew_s += change,
+            Known::Zero => model.link_zero_rad += change,
+            Known::Mass(_) | Known::Centre(..) | Known::Inertia(_) => {}
+        }
+    }
+}
+
+fn curve_value(row: &mut StribeckRow, value: CurveValue) -> &mut f64 {
+    match value {
+        CurveValue::Rest => &mut row.f0_nm,
+        CurveValue::Slope => &mut row.fv_nm_s_rad,
+        CurveValue::Rise => &mut row.fs_nm,
+        CurveValue::Velocity => &mut row.vc_rad_s,
+    }
+}
+
+fn scale_row(row: &mut LoadTorqueRow, factor: f64) {
+    for slope in &mut row.slopes {
+        *slope *= factor;
+    }
+}
+
+/// What is known of a joint, its links aside. `both_every_s`: time between samples, where both encoders are recorded.
+pub fn of_joint(
+    model: &JointModel,
+    tolerance: &Tolerance,
+    both_every_s: Option<f64>,
+) -> Vec<KnownValue> {
+    let mut all = Vec::new();
+    let mut add = |known: Known, name: &str| {
+        let deviation = tolerance.of(name);
+        if deviation > 0.0 {
+            all.push(KnownValue { known, deviation });
+        }
+    };
+    let friction = &model.friction;
+    if friction.curve.is_some() {
+        for direction in 0..2 {
+            for value in [
+                CurveValue::Rest,
+                CurveValue::Slope,
+                CurveValue::Rise,
+                CurveValue::Velocity,
+            ] {
+                add(Known::Curve(direction, value), "direction_friction");
+            }
+        }
+    }
+    if friction.load_torque.is_some() {
+        add(Known::LoadTorque(0), "load_torque");
+        add(Known::LoadTorque(1), "load_torque");
+    }
+    if friction.lookup.is_some() {
+        add(Known::Lookup, "friction_table");
+    }
+    let terms = [
+        (friction.coulomb.coulomb_nm, Known::Coulomb, "coulomb_nm"),
+        (
+            friction.viscous.viscous_nm_s_rad,
+            Known::Viscous,
+            "viscous_nm_s_rad",
+        ),
+        (
+            friction.quadratic.quadratic_nm_s2_rad2,
+            Known::Quadratic,
+            "quadratic_nm_s2_rad2",
+        ),
+        (
+            friction.asymmetric.asymmetry_nm,
+            Known::Asymmetric,
+            "asymmetry_nm",
+        ),
+        (
+            friction.load_dependent.load_coefficient,
+            Known::LoadDependent,
+            "load_coefficient",
+        ),
+    ];
+    for (value, known, name) in terms {
+        if value != 0.0 {
+            add(known, name);
+        }
+    }
+    for term in 0..friction.stribeck.len() {
+        add(Known::Stribeck(term), "stribeck_nm");
+        add(Known::StribeckVelocity(term), "stribeck_velocity_rad_s");
+    }
+    for term in 0..friction.periodic.len() {
+        add(Known::Periodic(term), "amplitude_nm");
+    }
+    if model.stiffness_is_known {
+        add(Known::Stiffness, "stiffness_nm_rad");
+    }
+    add(Known::RotorInertia, "rotor_inertia_kg_m2");
+    let mut beside = |known: Known, deviation: f64| all.push(KnownValue { known, deviation });
+    beside(Known::Presliding, PRESLIDING_LN);
+    beside(Known::Lag, LAG_S);
+    for term in 0..friction.periodic.len().min(WAVY_TERMS) {
+        beside(Known::Waviness(term, 0), WAVINESS_PART);
+        beside(Known::Waviness(term, 1), WAVINESS_PART);
+    }
+    for (way, (part, speed_rad_s)) in CREEPS.into_iter().enumerate() {
+        let friction_nm = friction.level_nm(&Sliding::at(speed_rad_s));
+        if friction_nm > 0.0 {
+            beside(Known::Creep(way), part * friction_nm);
+        }
+    }
+    if friction.load_torque.is_some() {
+        beside(Known::Rounding, ROUNDING_NM);
+        let at_rest_nm = friction.level_nm(&Sliding::at(0.0));
+        if at_rest_nm > 0.0 {
+            beside(Known::Least, LEAST_PART * at_rest_nm);
+        }
+    }
+    if let Some(period_s) = both_every_s {
+        beside(Known::Skew, SKEW_PART * period_s);
+        beside(Known::Zero, ZERO_RAD);
+    }
+    all
+}
+
+/// How a load changes with inertia added to the joint's link about its axis, per kg m².
+pub fn link_inertia(robot: &Robot, joint: usize, motion: &Motion) -> LoadChange {
+    let Ok(chain) = with_link_inertia(robot, joint, 1.0) else {
+        return LoadChange::default();
+    };
+    let loads = motion.at_knots_of(&[robot.chain.clone(), chain], joint);
+    LoadChange::between(&loads[0], &loads[1])
+}
+
+/// What can be taken off a link's inertia about its joint's axis and leave a body: no more than it has, and not so much that
+/// another axis has less than none.
+pub fn spare_link_inertia_kg_m2(robot: &Robot, joint: usize) -> f64 {
+    let link = &robot.chain.links()[joint];
+    let axis = link.axis.into_inner();
+    let mut spare_kg_m2 = 0.0;
+    let mut step_kg_m2 = axis.dot(&(link.inertia_kg_m2 * axis));
+    for _ in 0..HALVINGS {
+        if with_link_inertia(robot, joint, -(spare_kg_m2 + step_kg_m2)).is_ok() {
+            spare_kg_m2 += step_kg_m2;
+        }
+        step_kg_m2 *= 0.5;
+    }
+    spare_kg_m2
+}
+
+fn with_link_inertia(robot: &Robot, joint: usize, added_kg_m2: f64) -> Result<Chain, ChainError> {
+    let inertia_kg_m2 = added_kg_m2;
+    robot::changed_chain(
+        robot.chain.links(),
+        robot.chain.gravity_m_s2(),
+        nalgebra::Isometry3::identity(),
+        [(Some(joint), &robot::Effect::LinkInertia { inertia_kg_m2 })],
+    )
+}
+
+/// The values of links that matter to a joint along the motions, each with how the load changes by a standard deviation.
+pub fn of_links(
+    robot: &Robot,
+    joint: usize,
+    motions: &[&Motion],
+) -> Vec<(KnownValue, Vec<LoadChange>)> {
+    let links = robot.chain.links();
+    let axes = |link: usize| (0..3).map(move |axis| Known::Centre(link, axis));
+    let all = (joint..links.len())
+        .flat_map(|link| {
+            [Known::Mass(link), Known::Inertia(link)]
+                .into_iter()
+                .chain(axes(link))
+        })
+        .filter_map(|known| {
+            let (name, is_there) = match known {
+                Known::Centre(link, axis) => (
+                    "centre_of_mass_m",
+                    links[link].centre_of_mass_m[axis] != 0.0,
+                ),
+                Known::Inertia(_) => ("inertia_kg_m2", true),
+                _ => ("mass_kg", true),
+            };
+            let deviation = robot.tolerance.of(name);
+            (is_there && deviation > 0.0).then_some(KnownValue { known, deviation })
+        });
+    let mut chains = vec![robot.chain.clone()];
+    let mut values = Vec::new();
+    for value in all {
+        let mut links = links.to_vec();
+        value.known.multiply(&mut links, 1.0 + LINK_STEP);
+        let changed = Chain::new(&links, robot.chain.gravity_m_s2(), robot.chain.tool());
+        if let Ok(chain) = changed {
+            chains.push(chain);
+            values.push(value);
+        }
+    }
+    let loads: Vec<_> = motions
+        .iter()
+        .map(|motion| motion.at_knots_of(&chains, joint))
+        .collect();
+    let mut found: Vec<(KnownValue, Vec<LoadChange>, f64)> = Vec::new();
+    for (place, value) in values.into_iter().enumerate() {
+        let factor = value.deviation / LINK_STEP;
+        let changes = loads
+            .iter()
+            .map(|loads| LoadChange::between(&loads[0], &loads[place + 1]).times(factor));
+        let changes: Vec<LoadChange> = changes.collect();
+        let sizes_nm = changes
+            .iter()
+            .zip(motions)
+            .map(|(change, motion)| motion.rms_nm(joint, change));
+        let size_nm = sizes_nm.fold(0.0, f64::max);
+        found.push((value, changes, size_nm));
+    }
+    let largest_nm = found
+        .iter()
+        .map(|(.., size_nm)| *size_nm)
+        .fold(0.0, f64::max);
+    found
+        .into_iter()
+        .filter(|(.., size_nm)| *size_nm > LINK_PART_MIN * largest_nm)
+        .map(|(value, changes, _)| (value, changes))
+        .collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn friction_is_less_in_creeping_motion_only_and_never_pushes() {
+        let robot = robot::load("shd17").unwrap();
+        let nominal = JointModel::nominal(&robot, 0);
+        let all = of_joint(&nominal, &robot.tolerance, None);
+        let creeps = all
+            .iter()
+            .filter(|value| matches!(value.known, Known::Creep(_)));
+        assert_eq!(creeps.clone().count(), CREEPS.len());
+        for (value, (part, speed_rad_s)) in creeps.zip(CREEPS) {
+            let level_nm = |deviations: f64, speed_rad_s: f64| {
+                let mut model = nominal.clone();
+                value.apply(&mut model, deviations);
+                model.friction.level_nm(&Sliding::at(speed_rad_s))
+            };
+            let less = |speeds: f64| {
+                1.0 - level_nm(1.0, speeds * speed_rad_s) / level_nm(0.0, speeds * speed_rad_s)
+            };
+            assert!(less(0.0) > 0.8 * part && less(10.0) < 1e-3 * part);
+            assert_eq!(level_nm(-1.0, 0.0), level_nm(0.0, 0.0));
+            assert_eq!(level_nm(20.0, 0.0), nominal.friction.least_nm);
+        }
+    }
+
+    #[test]
+    fn a_gear_rubs_under_a_load_that_drives_it() {
+        let robot = robot::load("pa10").unwrap();
+        let nominal = JointModel::nominal(&robot, 1);
+        let all = of_joint(&nominal, &robot.tolerance, None);
+        let least = all.iter().find(|value| value.known == Known::Least);
+        let mut rubbing = nominal.clone();
+        least.unwrap().apply(&mut rubbing, 1.0);
+        let level_nm = |model: &JointModel, load_nm: f64| {
+            model.friction.level_nm(&Sliding {
+                load_nm,
+                ..Sliding::at(0.1)
+            })
+        };
+        assert_eq!(level_nm(&nominal, -80.0), 0.0);
+        let unloaded_nm = level_nm(&nominal, 0.0);
+        let part = level_nm(&rubbing, -80.0) / unloaded_nm;
+        assert!((0.05..0.15).contains(&part), "{part}");
+        assert_eq!(level_nm(&rubbing, 0.0), unloaded_nm);
+    }
+
+    #[test]
+    fn a_link_spares_what_leaves_a_body() {
+        let robot = robot::load("pa10").unwrap();
+        for joint in 0..robot.joints.len() {
+            let spare_kg_m2 = spare_link_inertia_kg_m2(&robot, joint);
+            assert!(spare_kg_m2 > 0.0, "{joint}");
+            assert!(with_link_inertia(&robot, joint, -spare_kg_m2).is_ok());
+            assert!(with_link_inertia(&robot, joint, -1.001 * spare_kg_m2).is_err());
+        }
+    }
+}
