@@ -100,12 +100,13 @@ impl Game {
     /// Each player's share, then what remains; none of a gap that is within the noise.
     fn with(&self, parts: &[usize; PARTS]) -> Option<Vec<f64>> {
         let everyone = (1 << self.players) - 1;
-        // what is left below the noise is as good as nothing, and no less
-        let noise = self.noise.min(self.sum(everyone, parts));
-        let gap = self.sum(0, parts) - noise;
-        if gap <= 0.0 {
+        let nothing = self.sum(0, parts);
+        if nothing <= self.noise {
             return None;
         }
+        // what is left below the noise is as good as nothing, and no less
+        let noise = self.noise.min(self.sum(everyone, parts));
+        let gap = nothing - noise;
         let mut all: Vec<f64> = (0..self.players)
             .map(|player| {
                 let others = (0..=everyone).filter(|set| set & (1 << player) == 0);
