@@ -5,12 +5,13 @@
 //! torque is held for [`CycleConfig::hold_cycles`], then the joints are damped without any model for
 //! [`CycleConfig::damping_cycles`], then the brakes wait for [`CycleConfig::waiting_cycles`], and then the loop stops.
 
+use shm_types::drive::{BusReport, DriveReport};
 use shm_types::messages::{
     Command, DriveCommand, DriveMode, DriveSample, EMERGENCY_STOP_PRESSED, Header, LoopState,
     SensorSample,
 };
 
-use crate::driver::DriveFault;
+use crate::driver::{AGE_MAX_CYCLES, DriveFault};
 use crate::fault::Fault;
 use crate::joint_motion::JointMotions;
 use crate::limits::JointLimits;
@@ -76,6 +77,10 @@ pub struct CycleState {
     acknowledgements: u32,
     /// As the drives' last sample had it: where none comes, nobody has let go of the switch.
     emergency_stop_pressed: bool,
+    /// How each drive was, as the last sample had it.
+    pub drives: DriveReport,
+    /// How the bus was, as the last sample had it.
+    pub bus: BusReport,
 }
 
 /// What is asked of the loop from outside its control.
@@ -114,17 +119,26 @@ pub struct CycleOutput {
 }
 
 impl CycleState {
-    /// Whether the joints can have moved as this sample of `cycle` says. Asked before anybody is shown the sample.
+    /// Takes what this sample of `cycle` says of the drives, and whether every joint has answered and can have moved as it says.
+    /// Asked before anybody is shown the sample.
     ///
     /// # Errors
-    /// [`DriveFault::JumpedSample`].
+    /// [`DriveFault::JointSilent`], [`DriveFault::JumpedSample`].
     #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
     pub fn admit(
-        &self,
+        &mut self,
         config: &CycleConfig,
         cycle: u64,
         sample: &DriveSample,
     ) -> Result<(), DriveFault> {
+        (self.drives, self.bus) = (sample.drives, sample.bus);
+        let ages = &sample.drives.age_cycles[..config.joint_count()];
+        if let Some(joint) = ages.iter().position(|&age| age > AGE_MAX_CYCLES) {
+            return Err(DriveFault::JointSilent {
+                joint: joint as u32,
+                age_cycles: ages[joint],
+            });
+        }
         match self.motions.jumped_joint(config, cycle, sample) {
             Some(joint) => Err(DriveFault::JumpedSample { joint }),
             None => Ok(()),
@@ -308,9 +322,9 @@ impl CycleState {
                 joint_count: config.joint_count() as u64,
             },
             mode: self.sending.mode as u32,
-            reserved: 0,
             motor_torque_nm: self.sending.torque_nm,
             joint_velocity_rad_s: self.sending.velocity_rad_s,
+            ..DriveCommand::default()
         }
     }
 }
