@@ -156,8 +156,8 @@ impl FaultyLoop<'_> {
             orders,
         };
         let output = self.state.step(config, &input);
-        // The emulated drives take everything.
-        let _ = self.driver.write(&output.drive_command);
+        let written = self.driver.write(&output.drive_command);
+        self.state.written(written);
         account.lose(
             sample.is_err(),
             command.is_none(),

@@ -77,6 +77,8 @@ pub struct CycleState {
     acknowledgements: u32,
     /// As the drives' last sample had it: where none comes, nobody has let go of the switch.
     emergency_stop_pressed: bool,
+    /// Why the last command was not handed to the drives.
+    unsent: Option<DriveFault>,
     /// How each drive was, as the last sample had it.
     pub drives: DriveReport,
     /// How the bus was, as the last sample had it.
@@ -167,6 +169,11 @@ impl CycleState {
         }
     }
 
+    /// Takes whether the last cycle's command was handed to the drives.
+    pub fn written(&mut self, outcome: Result<(), DriveFault>) {
+        self.unsent = outcome.err();
+    }
+
     /// One cycle.
     #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
     pub fn step(&mut self, config: &CycleConfig, input: &CycleInput<'_>) -> CycleOutput {
@@ -227,7 +234,12 @@ impl CycleState {
             missed if missed <= config.patience_cycles() => Event::MissingForLonger,
             _ => Event::MissingForTooLong,
         };
-        match (input.sample, input.command) {
+        let exchanged = match self.unsent {
+            Some(fault) => input.sample.and(Err(fault)),
+            None => input.sample,
+        };
+        match (exchanged, input.command) {
+            (Err(fault), _) if fault.is_latched() => (Event::Stop, Some(Fault::Drive(fault))),
             (Err(fault), _) => (missing(Event::SampleMissing), Some(Fault::Drive(fault))),
             (Ok(_), None) => (missing(Event::CommandMissing), Some(Fault::CommandMissing)),
             (Ok(sample), Some(_)) => self.answered(sample),
@@ -235,12 +247,16 @@ impl CycleState {
     }
 
     fn answered(&mut self, sample: &DriveSample) -> (Event, Option<Fault>) {
-        let damping = sample.mode == DriveMode::Damping as u32;
-        if !(damping && self.sending.must_show_motion()) {
-            if !damping {
+        let shown = DriveMode::from_raw(sample.mode);
+        let obeying = shown.is_some_and(DriveMode::obeys);
+        if obeying || !self.sending.must_show_motion() {
+            if obeying {
                 self.acknowledgements = 0;
             }
             return (Event::Fresh, None);
+        }
+        if shown != Some(DriveMode::Damping) {
+            return (Event::Stop, Some(Fault::DrivesOff));
         }
         // Damping is also what acknowledges the drives' watchdog; the next fresh command goes on.
         self.acknowledgements += 1;

@@ -11,6 +11,8 @@ pub enum Fault {
     Drive(DriveFault),
     /// The drives have stopped by themselves: their watchdog missed commands.
     DrivesStopped,
+    /// The drives are switched off or faulted while they should obey.
+    DrivesOff,
     /// A joint moved far outside its limits.
     Runaway {
         /// The joint.
@@ -67,6 +69,7 @@ impl Fault {
             Self::Drive(DriveFault::NotEnabled { joint, .. }) => 20 | (joint << 8),
             Self::Drive(DriveFault::BusOff) => 21,
             Self::Drive(DriveFault::LinkLost) => 22,
+            Self::DrivesOff => 23,
         }
     }
 
@@ -135,6 +138,7 @@ impl Fault {
             Self::Drive(DriveFault::BusOff) => "the bus is off".to_owned(),
             Self::Drive(DriveFault::LinkLost) => "the link to the drives is lost".to_owned(),
             Self::DrivesStopped => "the drives had stopped by themselves".to_owned(),
+            Self::DrivesOff => "the drives were off although they should obey".to_owned(),
             Self::Runaway {
                 joint,
                 position_rad,
@@ -223,6 +227,7 @@ mod tests {
             }),
             Fault::Drive(DriveFault::BusOff),
             Fault::Drive(DriveFault::LinkLost),
+            Fault::DrivesOff,
         ];
         let mut kinds: Vec<u32> = faults.iter().map(|fault| fault.code() & 0xff).collect();
         kinds.sort_unstable();

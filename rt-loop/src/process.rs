@@ -388,9 +388,9 @@ impl<D: Driver> Loop<D> {
     }
 
     fn write(&mut self, command: &DriveCommand) {
-        if self.driver.write(command).is_err() {
-            self.accounts.statistics.counters.drive_faults += 1;
-        }
+        let outcome = self.driver.write(command);
+        self.accounts.statistics.counters.unsent_commands += u64::from(outcome.is_err());
+        self.state.written(outcome);
     }
 
     fn publish_status(&mut self, output: &CycleOutput, times: &CycleTimes) -> LoopStatus {
