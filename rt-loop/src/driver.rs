@@ -29,6 +29,9 @@
 //! - **Emergency stop.** Where the drives have such an input, its state is a bit of every sample.
 //! - **SI, joint axis.** `motor_` before the gear, `link_` and `joint_` after it, positive about the joint's axis on both
 //!   sides: undo a reversing gear here.
+//! - **One clock.** Drives with a clock of their own tell how far the loop is from it
+//!   ([`BusReport::clock_offset_ns`](shm_types::drive::BusReport::clock_offset_ns)); the loop's instants follow, by at most a
+//!   thousandth of a period in a cycle.
 //! - **Safe alone.** If commands stop coming, the drives stop by themselves. Set their watchdog and read it back into
 //!   [`JointCapabilities::watchdog`]; the loop cannot stop them once its process is gone.
 //!

@@ -14,6 +14,7 @@ use shm_types::topics::{self, Role};
 
 use crate::accounts::{Accounts, CycleFacts};
 use crate::admission::{admits_command, check_sample};
+use crate::bus_clock;
 use crate::config::cycle_config;
 use crate::cycle::{CycleConfig, CycleInput, CycleOutput, CycleState};
 use crate::driver::{Driver, DriverEntry, Mismatch, OpenContext, OpenError};
@@ -187,6 +188,8 @@ struct Loop<D> {
     last_cycles_writer: Writer<LastCycle>,
     lockstep: Option<LockstepPeers>,
     woke_before_ns: Option<u64>,
+    /// By how much the next instants move for the drives' clock.
+    clock_step_ns: i64,
 }
 
 impl<D: Driver> Loop<D> {
@@ -219,6 +222,7 @@ impl<D: Driver> Loop<D> {
             heartbeat: bus.writer(&Role::Loop.heartbeat())?,
             lockstep,
             woke_before_ns: None,
+            clock_step_ns: 0,
         })
     }
 
@@ -239,7 +243,7 @@ impl<D: Driver> Loop<D> {
         let steal = StealWatch::start(core.filter(|_| realtime), &self.run.cores);
         let held = realtime.then(|| apply(&treatment(core)));
         let begun_ns = monotonic_ns();
-        let epoch_ns = if realtime {
+        let mut epoch_ns = if realtime {
             begun_ns + START_DELAY_NS
         } else {
             0
@@ -257,6 +261,9 @@ impl<D: Driver> Loop<D> {
             }
             cycle += skipped;
             self.cycle(cycle, due_ns, skipped);
+            if realtime {
+                epoch_ns = epoch_ns.saturating_add_signed(self.clock_step_ns);
+            }
             cycle += 1;
         }
         self.send_brake(cycle, epoch_ns + cycle * self.config.period_ns);
@@ -286,6 +293,9 @@ impl<D: Driver> Loop<D> {
                 Ok(sample)
             });
         let read_ns = monotonic_ns();
+        self.clock_step_ns = sample.as_ref().map_or(0, |sample| {
+            bus_clock::step_ns(&sample.bus, self.config.period_ns)
+        });
         let asked = sample.as_ref().ok().map(|sample| self.ask(cycle, sample));
         let asked_ns = monotonic_ns();
         let command = asked.and_then(|asked| self.await_command(&asked.header, planned_ns));
