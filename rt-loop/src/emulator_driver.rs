@@ -2,7 +2,7 @@
 
 use realtime::clock::monotonic_ns;
 use shm_types::bus::{Bus, BusError, Listener, Notifier, Reader, Writer};
-use shm_types::instance::RunConfig;
+use shm_types::instance::{Mode, RunConfig};
 use shm_types::messages::{DriveCommand, DriveMode, DriveSample};
 use shm_types::topics;
 
@@ -17,6 +17,8 @@ use crate::driver::{
 const AHEAD_MAX_CYCLES: u64 = 16;
 /// Cycles without a command after which emulated drives stop by themselves, as `PlantParameters::watchdog_cycles` has it.
 const WATCHDOG_CYCLES: u64 = 15;
+/// How often a process that has come since is given the last command, in lockstep.
+const GREET_NS: u64 = 20_000_000;
 /// How late a sample is taken whose wake-up was lost.
 const RECHECK_NS: u64 = 100_000;
 
@@ -54,6 +56,7 @@ fn open_process(context: &OpenContext<'_>) -> Result<Box<dyn Driver>, OpenError>
     driver.modes = &DriveMode::ALL;
     // Nothing can be read back over the topics: it is what their reader has promised.
     driver.watchdog = WATCHDOG_MAX;
+    driver.greets = context.run.mode == Mode::Lockstep;
     Ok(Box::new(driver))
 }
 
@@ -65,6 +68,8 @@ pub struct EmulatorDriver {
     device: &'static str,
     modes: &'static [DriveMode],
     watchdog: Duration,
+    /// Whether the process may come after the first command, and nobody sends another until it has answered.
+    greets: bool,
     command: CommandWriter,
     command_ready: Notifier,
     sample: Reader<DriveSample>,
@@ -98,6 +103,7 @@ impl EmulatorDriver {
             device: "emulated drive",
             modes: &[DriveMode::Torque, DriveMode::Velocity],
             watchdog: Duration::from_nanos(run.period_ns.saturating_mul(WATCHDOG_CYCLES)),
+            greets: false,
             command: CommandWriter(command),
             command_ready,
             sample,
@@ -166,7 +172,13 @@ impl Driver for EmulatorDriver {
                     None => DriveFault::NoSample,
                 });
             }
-            self.sample_ready.wait(give_up_at_ns - now_ns);
+            if self.greets {
+                self.command.0.greet_new_readers();
+                self.command_ready.notify();
+                self.sample_ready.wait(GREET_NS.min(give_up_at_ns - now_ns));
+            } else {
+                self.sample_ready.wait(give_up_at_ns - now_ns);
+            }
         }
     }
 
