@@ -179,7 +179,8 @@ mod tests {
         let robot = robot::load("shd17").unwrap();
         let check = |drives: &Capabilities| drives.check(&robot, DriveMode::Torque, PERIOD_NS);
         assert_eq!(check(&fitting()), Ok(()));
-        let changes: [(&str, fn(&mut Capabilities)); 8] = [
+        type Change = (&'static str, fn(&mut Capabilities));
+        let changes: [Change; 8] = [
             ("2 drives", |drives| {
                 drives.joints.push(drives.joints[0].clone())
             }),

@@ -12,11 +12,11 @@
 use std::process::ExitCode;
 use std::time::Duration;
 
+use flexspline::drive::position;
 use flexspline::driver::{
     Behind, Capabilities, DriveFault, Driver, DriverEntry, JointCapabilities, OpenContext,
     OpenError,
 };
-use flexspline::drive::position;
 use flexspline::messages::{DriveCommand, DriveMode, DriveSample};
 use plant_emulator::drives::EmulatedDrives;
 use plant_emulator::process::emulated_plant;
