@@ -240,7 +240,8 @@ impl Plant {
                 command.motor_torque_nm[index],
                 command.joint_velocity_rad_s[index],
             );
-            let setpoint = Setpoint::new(command.mode, torque_nm, velocity_rad_s);
+            let mode = command.joint_mode[index].unwrap_or(command.mode);
+            let setpoint = Setpoint::new(mode, torque_nm, velocity_rad_s);
             joint.send(self.cycle, setpoint.filter(|_| command.fresh));
         }
     }

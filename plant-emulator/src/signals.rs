@@ -23,6 +23,8 @@ pub struct PlantCommand {
     pub fresh: bool,
     /// What to do.
     pub mode: PlantMode,
+    /// What a joint's drive does instead.
+    pub joint_mode: [Option<PlantMode>; JOINTS_MAX],
     /// Used in torque mode; motor side.
     pub motor_torque_nm: [f64; JOINTS_MAX],
     /// Used in velocity mode; joint side.
@@ -35,6 +37,7 @@ impl Default for PlantCommand {
         Self {
             fresh: true,
             mode: PlantMode::Braked,
+            joint_mode: [None; JOINTS_MAX],
             motor_torque_nm: [0.0; JOINTS_MAX],
             joint_velocity_rad_s: [0.0; JOINTS_MAX],
         }

@@ -1,22 +1,75 @@
-//! The emulator as a drive: commands out and samples in over shared memory.
+//! Drives in another process, the emulator or one of somebody else's: commands out and samples in over shared memory.
 
 use realtime::clock::monotonic_ns;
 use shm_types::bus::{Bus, BusError, Listener, Notifier, Reader, Writer};
-use shm_types::instance::RunConfig;
-use shm_types::messages::{DriveCommand, DriveSample};
+use shm_types::instance::{Mode, RunConfig};
+use shm_types::messages::{DriveCommand, DriveMode, DriveSample};
 use shm_types::topics;
 
-use crate::driver::{DriveFault, Driver};
+use std::time::Duration;
+
+use crate::driver::{
+    Behind, Capabilities, DriveFault, Driver, DriverEntry, JointCapabilities, OpenContext,
+    OpenError, WATCHDOG_MAX,
+};
 
 /// The emulator is at most a few latches ahead of a loop that is late; a sample further ahead is nonsense.
 const AHEAD_MAX_CYCLES: u64 = 16;
+/// Cycles without a command after which emulated drives stop by themselves, as `PlantParameters::watchdog_cycles` has it.
+const WATCHDOG_CYCLES: u64 = 15;
+/// How often a process that has come since is given the last command, in lockstep.
+const GREET_NS: u64 = 20_000_000;
 /// How late a sample is taken whose wake-up was lost.
 const RECHECK_NS: u64 = 100_000;
+
+/// The plant emulator of the same instance.
+pub const EMULATOR: DriverEntry = DriverEntry {
+    name: "emulator",
+    summary: "the emulated robot, which comes with it",
+    behind: Behind::Emulator,
+    open,
+};
+
+/// A process of somebody else's on the topics of the drives, in any language that iceoryx2 has: it reads `drive/command` and
+/// writes `drive/sample`, keeps what [`crate::driver`] says of a driver, and stops its drives by itself.
+pub const PROCESS: DriverEntry = DriverEntry {
+    name: "process",
+    summary: "a process that you start, on drive/command and drive/sample",
+    behind: Behind::Process,
+    open: open_process,
+};
+
+fn open(context: &OpenContext<'_>) -> Result<Box<dyn Driver>, OpenError> {
+    let bus = context
+        .bus
+        .ok_or_else(|| OpenError::Setting("this driver is only there in a run".to_owned()))?;
+    let driver = EmulatorDriver::open(bus, context.run)?;
+    Ok(Box::new(driver))
+}
+
+fn open_process(context: &OpenContext<'_>) -> Result<Box<dyn Driver>, OpenError> {
+    let bus = context
+        .bus
+        .ok_or_else(|| OpenError::Setting("this driver is only there in a run".to_owned()))?;
+    let mut driver = EmulatorDriver::open(bus, context.run)?;
+    driver.device = "a process of its own";
+    driver.modes = &DriveMode::ALL;
+    // Nothing can be read back over the topics: it is what their reader has promised.
+    driver.watchdog = WATCHDOG_MAX;
+    driver.greets = context.run.mode == Mode::Lockstep;
+    Ok(Box::new(driver))
+}
 
 /// Talks to the emulator process of the same instance.
 #[derive(Debug)]
 pub struct EmulatorDriver {
     session: u64,
+    joint_count: usize,
+    device: &'static str,
+    modes: &'static [DriveMode],
+    watchdog: Duration,
+    /// Whether the process may come after the first command, and nobody sends another until it has answered.
+    greets: bool,
     command: CommandWriter,
     command_ready: Notifier,
     sample: Reader<DriveSample>,
@@ -46,6 +99,11 @@ impl EmulatorDriver {
         command_ready.notify();
         Ok(Self {
             session: run.session,
+            joint_count: run.initial_position_rad.len(),
+            device: "emulated drive",
+            modes: &[DriveMode::Torque, DriveMode::Velocity],
+            watchdog: Duration::from_nanos(run.period_ns.saturating_mul(WATCHDOG_CYCLES)),
+            greets: false,
             command: CommandWriter(command),
             command_ready,
             sample,
@@ -76,6 +134,20 @@ impl EmulatorDriver {
 }
 
 impl Driver for EmulatorDriver {
+    fn capabilities(&self) -> Capabilities {
+        let joint = JointCapabilities {
+            device: self.device.to_owned(),
+            modes: self.modes.to_vec(),
+            watchdog: Some(self.watchdog),
+            ..JointCapabilities::default()
+        };
+        Capabilities {
+            bus: "shared memory".to_owned(),
+            joints: vec![joint; self.joint_count],
+            ..Capabilities::default()
+        }
+    }
+
     fn read(
         &mut self,
         cycle: u64,
@@ -100,7 +172,13 @@ impl Driver for EmulatorDriver {
                     None => DriveFault::NoSample,
                 });
             }
-            self.sample_ready.wait(give_up_at_ns - now_ns);
+            if self.greets {
+                self.command.0.greet_new_readers();
+                self.command_ready.notify();
+                self.sample_ready.wait(GREET_NS.min(give_up_at_ns - now_ns));
+            } else {
+                self.sample_ready.wait(give_up_at_ns - now_ns);
+            }
         }
     }
 

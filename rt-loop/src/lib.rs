@@ -10,6 +10,8 @@
 pub mod accounts;
 pub mod admission;
 pub mod attribution;
+pub mod bus_clock;
+pub mod capabilities;
 pub mod config;
 pub mod cycle;
 pub mod driver;

@@ -13,7 +13,7 @@ use shm_types::bus::Bus;
 use shm_types::topics::{self, Role};
 
 use super::show;
-use super::subject::{Setting, Subject};
+use super::subject::{Setting, Subject, Target};
 use crate::cli::FaultsArguments;
 use crate::error::CliError;
 use crate::run::{PERIOD_NS, stop_on_signals};
@@ -35,7 +35,7 @@ const GROWTH_MAX_KIB: u64 = 512;
 /// What the recorder may grow by besides, per hour recorded: the index of a recording has an entry for each second of it.
 const INDEX_KIB_PER_HOUR: f64 = 4096.0;
 /// Counters that have to stay zero where nobody is late and nothing is lost.
-const ZERO: [&str; 8] = [
+const ZERO: [&str; 9] = [
     "missed_deadlines",
     "skipped_periods",
     "stale_commands",
@@ -44,6 +44,7 @@ const ZERO: [&str; 8] = [
     "refused_future_commands",
     "refused_unusable_commands",
     "drive_faults",
+    "unsent_commands",
 ];
 
 /// What one process held at a checkpoint.
@@ -101,7 +102,7 @@ pub fn soak(arguments: &FaultsArguments) -> Result<SoakReport, CliError> {
         lockstep: true,
         ..Setting::default()
     };
-    let mut subject = Subject::start_with(&arguments.robot, duration, &setting)?;
+    let mut subject = Subject::start_with(Target::of(arguments), duration, &setting)?;
     subject.await_process(Role::Loop, None);
     let checkpoints = watch(arguments, &mut subject, asked_cycles, &stop)?;
     if stop.load(Ordering::Relaxed) {

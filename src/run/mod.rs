@@ -22,6 +22,7 @@ use shm_types::instance::{ControlMode, Instance, Mode, RunConfig};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::cli::RunArguments;
+use crate::drivers;
 use crate::error::CliError;
 use crate::output::{print, write_json};
 use crate::supervisor::last_cycles::{self, stop_path};
@@ -174,7 +175,7 @@ struct Plan {
 impl Plan {
     fn new(arguments: &RunArguments) -> Result<Self, CliError> {
         let instance = Instance::new(&arguments.instance, user_id()).map_err(CliError::input)?;
-        check_driver(&arguments.driver)?;
+        drivers::find(&arguments.driver)?;
         let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
         robot.check_fits_loop().map_err(CliError::input)?;
         let period_ns = period_ns(arguments.rate, &robot)?;
@@ -196,6 +197,7 @@ impl Plan {
         if let Some(path) = &arguments.inject {
             robot::load_injection(path, &robot).map_err(CliError::input)?;
             robot::load_pushes(path, &robot).map_err(CliError::input)?;
+            robot::load_drive_faults(path, &robot).map_err(CliError::input)?;
         }
         let plant = arguments
             .plant
@@ -237,7 +239,10 @@ impl Plan {
 }
 
 /// What was asked for, or the rate for which the robot file's gains are made.
-fn period_ns(asked_hz: Option<f64>, robot: &Robot) -> Result<u64, CliError> {
+///
+/// # Errors
+/// [`CliError::Input`] for a rate that is none, with where it stands.
+pub fn period_ns(asked_hz: Option<f64>, robot: &Robot) -> Result<u64, CliError> {
     let control = robot.control.as_ref();
     let (place, rate_hz) = match (asked_hz, control) {
         (Some(asked_hz), _) => ("--rate", asked_hz),
@@ -329,20 +334,6 @@ fn check_control(config: &RunConfig, robot: Robot, trajectory: Trajectory) -> Re
     Controller::new(config, robot, trajectory)
         .map(drop)
         .map_err(CliError::input)
-}
-
-/// That there is such a driver.
-///
-/// # Errors
-/// [`CliError::Input`] with those there are.
-pub fn check_driver(driver: &str) -> Result<(), CliError> {
-    if rt_loop::process::DRIVERS.contains(&driver) {
-        return Ok(());
-    }
-    let known = rt_loop::process::DRIVERS.join(", ");
-    Err(CliError::Input(format!(
-        "unknown driver `{driver}`; known: {known}"
-    )))
 }
 
 /// The emulated arm must have the joints the controller knows.
