@@ -15,7 +15,7 @@ use crate::mechanics::{JointConstants, JointState, LinkMotion};
 use crate::noise::Noise;
 use crate::sensors::{HISTORY, Observed, Sensors};
 use crate::servo::{Servo, Setpoint};
-use crate::{PlantCommand, PlantError, PlantParameters, PlantSample, PlantTruth};
+use crate::{PlantCommand, PlantError, PlantMode, PlantParameters, PlantSample, PlantTruth};
 
 /// One joint with its drive and sensors.
 #[derive(Clone, Debug)]
@@ -182,7 +182,16 @@ impl Plant {
 
     /// Advances one control period. The command reaches the drives at its beginning, the sensors latch at its end.
     pub fn step(&mut self, command: &PlantCommand) -> PlantSample {
-        self.begin_period(command);
+        self.step_each(&[command.mode; JOINTS_MAX], command)
+    }
+
+    /// The same with a mode for each joint; the command's own is not looked at.
+    pub fn step_each(
+        &mut self,
+        modes: &[PlantMode; JOINTS_MAX],
+        command: &PlantCommand,
+    ) -> PlantSample {
+        self.begin_period(modes, command);
         let arrivals = self.arrivals();
         let step_s = self.period_s / self.substeps as f64;
         let start_s = self.time_s();
@@ -220,7 +229,7 @@ impl Plant {
         self.cycle as f64 * self.period_s
     }
 
-    fn begin_period(&mut self, command: &PlantCommand) {
+    fn begin_period(&mut self, modes: &[PlantMode; JOINTS_MAX], command: &PlantCommand) {
         let time_s = self.time_s();
         while self
             .chains
@@ -240,7 +249,7 @@ impl Plant {
                 command.motor_torque_nm[index],
                 command.joint_velocity_rad_s[index],
             );
-            let setpoint = Setpoint::new(command.mode, torque_nm, velocity_rad_s);
+            let setpoint = Setpoint::new(modes[index], torque_nm, velocity_rad_s);
             joint.send(self.cycle, setpoint.filter(|_| command.fresh));
         }
     }
