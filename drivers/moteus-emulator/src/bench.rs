@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use joint_model::JOINTS_MAX;
-use plant_emulator::{Plant, PlantCommand, PlantError, PlantMode, PlantParameters};
+use plant_emulator::{JointCommand, Plant, PlantError, PlantMode, PlantParameters};
 use rand_core::{RngCore, SeedableRng};
 use rand_pcg::Pcg32;
 use robot::{Robot, RobotJoint};
@@ -267,7 +267,7 @@ impl Bench {
             if self.bus_of[joint] != bus || !is_meant || !is_powered || is_silent {
                 continue;
             }
-            let reply = self.controllers[joint].process(&frame.data);
+            let reply = self.controllers[joint].process(&frame.data, route.reply);
             if let (true, Some(reply)) = (route.reply, reply) {
                 let id =
                     u32::from(route.prefix) << 16 | u32::from(id) << 8 | u32::from(route.source);
@@ -327,19 +327,22 @@ impl Bench {
     fn step(&mut self) {
         self.break_drives();
         let shown = sensors(&self.plant, &self.gear_ratios);
-        let mut modes = [PlantMode::Torque; JOINTS_MAX];
-        let mut command = PlantCommand {
-            mode: PlantMode::Torque,
-            ..PlantCommand::default()
-        };
+        let mut commands = [JointCommand::default(); JOINTS_MAX];
         for (joint, controller) in self.controllers.iter_mut().enumerate() {
-            command.motor_torque_nm[joint] = controller.step(shown[joint], STEP_NS as f64 * 1e-9);
+            let motor_torque_nm = controller.step(shown[joint], STEP_NS as f64 * 1e-9);
             // Until its drive is first enabled, a joint is held by whoever set up the arm.
-            if !controller.servo().was_enabled() {
-                modes[joint] = PlantMode::Braked;
-            }
+            let mode = if controller.servo().was_enabled() {
+                PlantMode::Torque
+            } else {
+                PlantMode::Braked
+            };
+            commands[joint] = JointCommand {
+                mode,
+                motor_torque_nm,
+                ..JointCommand::default()
+            };
         }
-        self.plant.step_each(&modes, &command);
+        self.plant.step_joints(true, &commands);
     }
 
     fn break_drives(&mut self) {

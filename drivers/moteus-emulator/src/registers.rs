@@ -50,6 +50,8 @@ enum Written {
 struct Exchange<'a> {
     rest: &'a [u8],
     reply: Vec<u8>,
+    /// Whether anybody hears the reply.
+    is_answered: bool,
     command: Option<Command>,
     /// For another drive after all.
     discarded: bool,
@@ -58,11 +60,13 @@ struct Exchange<'a> {
 impl Controller {
     /// Does what a frame's subframes ask, in their order; what it answers, or `None` if it was for another drive.
     ///
-    /// A command acts when the frame has been read to its end or to what cannot be read.
-    pub fn process(&mut self, data: &[u8]) -> Option<Vec<u8>> {
+    /// A command acts when the frame has been read to its end or to what cannot be read. Where no answer is wanted nothing
+    /// leaves the diagnostic stream.
+    pub fn process(&mut self, data: &[u8], is_answered: bool) -> Option<Vec<u8>> {
         let mut exchange = Exchange {
             rest: data,
             reply: Vec::new(),
+            is_answered,
             command: None,
             discarded: false,
         };
@@ -157,21 +161,22 @@ impl Controller {
         for line in self.tunnel.take(bytes) {
             self.diagnose(&line);
         }
-        let room = room(exchange);
-        let piece = self.tunnel.piece(room);
-        put_piece(
-            subframe::SERVER_TO_CLIENT,
-            None,
-            &piece,
-            &mut exchange.reply,
-        );
+        if exchange.is_answered {
+            let piece = self.tunnel.piece(room(exchange));
+            put_piece(
+                subframe::SERVER_TO_CLIENT,
+                None,
+                &piece,
+                &mut exchange.reply,
+            );
+        }
         Some(())
     }
 
     fn stream_out(&mut self, exchange: &mut Exchange) -> Option<()> {
         let channel = take_varuint(&mut exchange.rest)?;
         let at_most = take_varuint(&mut exchange.rest)? as usize;
-        if channel != DIAGNOSTIC_CHANNEL {
+        if channel != DIAGNOSTIC_CHANNEL || !exchange.is_answered {
             return None;
         }
         let room = room(exchange);
@@ -190,7 +195,7 @@ impl Controller {
         let (acknowledged, rest) = exchange.rest.split_first()?;
         exchange.rest = rest;
         let at_most = take_varuint(&mut exchange.rest)? as usize;
-        if channel != DIAGNOSTIC_CHANNEL {
+        if channel != DIAGNOSTIC_CHANNEL || !exchange.is_answered {
             return None;
         }
         let room = room(exchange);
@@ -435,7 +440,7 @@ mod tests {
             format.voltage = resolution;
             let mut frame = CanFdFrame::new();
             format.serialize(&mut frame);
-            let reply = drive().process(frame.payload()).expect("for us");
+            let reply = drive().process(frame.payload(), true).expect("for us");
             let result = QueryResult::parse_data(&reply);
             assert!(
                 (f64::from(result.position) - 0.25).abs() < tolerance,
@@ -460,7 +465,7 @@ mod tests {
         command.watchdog_timeout = Some(0.2);
         let mut frame = CanFdFrame::new();
         command.serialize(&mut frame, &PositionFormat::default());
-        drive.process(frame.payload()).expect("for us");
+        drive.process(frame.payload(), true).expect("for us");
         let arrived = *drive.servo().commanded();
         assert_eq!(arrived.mode, Mode::Position);
         assert!(arrived.position_rev.is_nan() && arrived.kd_scale == 1.0);
@@ -474,7 +479,7 @@ mod tests {
 
         let mut frame = CanFdFrame::new();
         StopCommand::serialize(&mut frame);
-        drive.process(frame.payload()).expect("for us");
+        drive.process(frame.payload(), true).expect("for us");
         assert_eq!(drive.servo().commanded().mode, Mode::Stopped);
     }
 
@@ -482,17 +487,17 @@ mod tests {
     fn registers_that_are_not_there_are_refused_by_number() {
         // read int8 0x3ff; nothing after it is looked at
         assert_eq!(
-            drive().process(&[0x11, 0xff, 0x07, 0x11, 0x00]),
+            drive().process(&[0x11, 0xff, 0x07, 0x11, 0x00], true),
             Some(vec![0x31, 0xff, 0x07, 1])
         );
         // write int8 0x00d, which is read only, then read the mode
         assert_eq!(
-            drive().process(&[0x01, 0x0d, 0x01, 0x11, 0x00]),
+            drive().process(&[0x01, 0x0d, 0x01, 0x11, 0x00], true),
             Some(vec![0x30, 0x0d, 2, 0x21, 0x00, 0x00])
         );
         // mode 6 sets voltages
         assert_eq!(
-            drive().process(&[0x01, 0x00, 0x06]),
+            drive().process(&[0x01, 0x00, 0x06], true),
             Some(vec![0x30, 0x00, 1])
         );
     }
@@ -503,9 +508,9 @@ mod tests {
         let mut frame = vec![0x09, 0xd4, 0x02];
         frame.extend(word.to_le_bytes());
         frame.extend([0x11, 0x00]);
-        assert_eq!(drive().process(&frame), Some(vec![0x21, 0x00, 0x00]));
+        assert_eq!(drive().process(&frame, true), Some(vec![0x21, 0x00, 0x00]));
         frame[3] ^= 1;
-        assert_eq!(drive().process(&frame), None);
+        assert_eq!(drive().process(&frame, true), None);
     }
 
     #[test]

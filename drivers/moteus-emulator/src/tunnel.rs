@@ -22,8 +22,10 @@ pub struct Tunnel {
 }
 
 impl Tunnel {
-    /// Takes bytes from the other side; the lines that they complete.
+    /// Takes bytes from the other side; the lines that they complete. Whoever speaks has read what was on its way: nobody
+    /// asks anew before the answer is whole.
     pub fn take(&mut self, bytes: &[u8]) -> Vec<String> {
+        self.sent.clear();
         let mut lines = Vec::new();
         for byte in bytes {
             if !matches!(byte, b'\r' | b'\n') {
@@ -53,8 +55,13 @@ impl Tunnel {
         self.waiting.len() < LINE_BYTES
     }
 
-    /// The next piece, at most so long.
+    /// The next piece, at most so long. Whoever asks without a number does not wait for one that was numbered.
     pub fn piece(&mut self, at_most: usize) -> Vec<u8> {
+        self.sent.clear();
+        self.cut(at_most)
+    }
+
+    fn cut(&mut self, at_most: usize) -> Vec<u8> {
         let length = self.waiting.len().min(at_most);
         self.waiting.drain(..length).collect()
     }
@@ -62,7 +69,7 @@ impl Tunnel {
     /// The piece after the one with the number `acknowledged`, or that one again if it was lost; with its number.
     pub fn numbered_piece(&mut self, acknowledged: u8, at_most: usize) -> (u8, Vec<u8>) {
         if acknowledged == self.number || self.sent.is_empty() {
-            self.sent = self.piece(at_most);
+            self.sent = self.cut(at_most);
             if !self.sent.is_empty() {
                 self.number = acknowledged.wrapping_add(1);
             } else {
@@ -97,8 +104,13 @@ mod tests {
         assert_eq!(tunnel.numbered_piece(0, 4), (1, b"abcd".to_vec()));
         assert_eq!(tunnel.numbered_piece(1, 4), (2, b"ef".to_vec()));
         assert_eq!(tunnel.numbered_piece(2, 4), (2, Vec::new()));
-        tunnel.say(b"g");
-        assert_eq!(tunnel.numbered_piece(2, 4), (3, b"g".to_vec()));
+        tunnel.say(b"gh");
+        assert_eq!(tunnel.numbered_piece(2, 1), (3, b"g".to_vec()));
+        // another reader, who counts from the beginning, and has asked something or has emptied the stream
+        tunnel.take(b"d stop\n");
+        assert_eq!(tunnel.numbered_piece(0, 4), (1, b"h".to_vec()));
+        assert!(tunnel.piece(4).is_empty());
+        assert_eq!(tunnel.numbered_piece(0, 4), (0, Vec::new()));
     }
 
     #[test]
