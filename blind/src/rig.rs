@@ -256,11 +256,15 @@ fn bench(random: &mut Random) -> RobotFile {
         torque_noise_nm: sizes.limit_nm / sizes.ratio * random.magnitude(3e-4, 5e-3),
         position_limit_rad: Some([-range_rad, range_rad]),
         velocity_limit_rad_s: Some(sizes.speed_rad_s),
+        standstill_limit_rad: None,
+        following_limit_rad: None,
+        brake: None,
         direction_friction: None,
         load_torque: None,
         friction_table: None,
         torque_tables: Vec::new(),
         estimators: None,
+        drive: None,
         effects: sizes.effects(random),
     };
     RobotFile {
@@ -273,6 +277,7 @@ fn bench(random: &mut Random) -> RobotFile {
         tool_origin_m: [0.0; 3],
         tool_origin_rpy_rad: [0.0; 3],
         shared_effects: Vec::new(),
+        drive: None,
         control: Some(sizes.control(feedback, random)),
         links: vec![sizes.link],
         joints: vec![joint],

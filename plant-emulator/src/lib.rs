@@ -42,6 +42,7 @@
 //! period, the sensors latch at its end.
 #![forbid(unsafe_code)]
 
+mod cia402;
 mod deviation;
 mod disturbance;
 pub mod drives;
@@ -61,4 +62,4 @@ pub use disturbance::{ArmMotion, Disturbance};
 pub use error::PlantError;
 pub use parameters::{JointPlantParameters, PlantParameters};
 pub use plant::Plant;
-pub use signals::{DriveState, JointCommand, PlantCommand, PlantMode, PlantSample, PlantTruth};
+pub use signals::{DriveState, PlantCommand, PlantMode, PlantSample, PlantTruth};

@@ -3,8 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use joint_model::JOINTS_MAX;
-use plant_emulator::{JointCommand, Plant, PlantError, PlantMode, PlantParameters};
+use plant_emulator::{Plant, PlantCommand, PlantError, PlantMode, PlantParameters};
 use rand_core::{RngCore, SeedableRng};
 use rand_pcg::Pcg32;
 use robot::{Robot, RobotJoint};
@@ -327,22 +326,18 @@ impl Bench {
     fn step(&mut self) {
         self.break_drives();
         let shown = sensors(&self.plant, &self.gear_ratios);
-        let mut commands = [JointCommand::default(); JOINTS_MAX];
+        let mut command = PlantCommand {
+            mode: PlantMode::Torque,
+            ..PlantCommand::default()
+        };
         for (joint, controller) in self.controllers.iter_mut().enumerate() {
-            let motor_torque_nm = controller.step(shown[joint], STEP_NS as f64 * 1e-9);
+            command.motor_torque_nm[joint] = controller.step(shown[joint], STEP_NS as f64 * 1e-9);
             // Until its drive is first enabled, a joint is held by whoever set up the arm.
-            let mode = if controller.servo().was_enabled() {
-                PlantMode::Torque
-            } else {
-                PlantMode::Braked
-            };
-            commands[joint] = JointCommand {
-                mode,
-                motor_torque_nm,
-                ..JointCommand::default()
-            };
+            if !controller.servo().was_enabled() {
+                command.joint_mode[joint] = Some(PlantMode::Braked);
+            }
         }
-        self.plant.step_joints(true, &commands);
+        self.plant.step(&command);
     }
 
     fn break_drives(&mut self) {
