@@ -337,7 +337,7 @@ fn check_control(config: &RunConfig, robot: Robot, trajectory: Trajectory) -> Re
 /// # Errors
 /// [`CliError::Input`] with those there are.
 pub fn check_driver(driver: &str) -> Result<(), CliError> {
-    rt_loop::process::find_driver(&rt_loop::process::DRIVERS, driver)
+    rt_loop::process::find_driver(&crate::drives::DRIVERS, driver)
         .map(drop)
         .map_err(CliError::input)
 }
