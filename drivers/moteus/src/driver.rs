@@ -201,6 +201,11 @@ impl Joint {
         let drive_mode = command.mode_of(index).ok_or(refused)?;
         let request = DriveRequest::from_raw(command.request).unwrap_or_default();
         let is_at = |wanted: i32| self.newest.is_some_and(|answer| answer.mode == wanted);
+        // Nobody knows what a drive does that has been silent for longer than can be seen through. It is asked before it is
+        // commanded again: it may just have been switched on.
+        if self.age_cycles > AGE_MAX_CYCLES {
+            return Ok(Ask::Query);
+        }
         // A drive that was reset stands still until the loop enables it: it may no longer know where the joint is.
         if drive_mode.obeys() && request != DriveRequest::Enable && is_at(mode::STOPPED) {
             return Ok(Ask::Stop);

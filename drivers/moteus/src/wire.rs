@@ -274,7 +274,8 @@ mod tests {
             torque_max_nm: 1000.0,
             ..aim()
         });
-        assert!(usize::from(frame(1, &longest, true).size) <= COMMAND_BYTES_MAX);
+        assert!(frame(1, &longest, true).size <= 48);
+        assert!(command_bytes(true, 40.0, false) <= 32 && command_bytes(false, 1000.0, true) <= 48);
     }
 
     #[test]
