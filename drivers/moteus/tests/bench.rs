@@ -468,3 +468,17 @@ fn a_drive_that_does_not_know_where_the_joint_is_is_not_run() {
     let told = capabilities.check(&rig.robot, DriveMode::Torque, PERIOD_NS);
     assert!(told.unwrap_err().to_string().contains("home it"));
 }
+
+#[test]
+fn the_shipped_robot_file_is_read_and_run() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/moteus_belt.toml");
+    let rig = Rig::new(file, 1, true, &[]);
+    let mut cycles = Cycles::new(&rig);
+    let capabilities = cycles.driver.capabilities();
+    assert_eq!(
+        capabilities.check(&rig.robot, DriveMode::Torque, PERIOD_NS),
+        Ok(())
+    );
+    cycles.enable();
+    cycles.driver.shutdown();
+}
