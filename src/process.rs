@@ -11,6 +11,7 @@ use shm_types::instance::Instance;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::cli::{ProcessArguments, RoleArgument};
+use crate::drivers;
 use crate::error::CliError;
 use crate::supervisor::janitor;
 
@@ -28,8 +29,7 @@ pub fn run(arguments: &ProcessArguments) -> Result<(), CliError> {
     match arguments.role {
         RoleArgument::Loop => {
             set_name("fs-loop");
-            rt_loop::process::run(&instance, &crate::drives::DRIVERS, &stop)
-                .map_err(CliError::input)
+            rt_loop::process::run(&instance, drivers::all(), &stop).map_err(CliError::input)
         }
         RoleArgument::Emulator => {
             set_name("fs-emulator");

@@ -93,6 +93,14 @@ message! {
         estimate_external_nm: Option<f64> = "17" as [double, optional];
         /// One standard deviation of it, the model's tolerance included.
         estimate_external_std_nm: Option<f64> = "18" as [double, optional];
+        /// State of the drive, as the loop numbers it: 4 is enabled, 7 a fault. Missing where the driver does not tell.
+        drive_state: Option<i64> = "19" as [int64, optional];
+        /// The drive's own status word. Missing where the driver does not tell the state.
+        drive_status_word: Option<i64> = "20" as [int64, optional];
+        /// The drive's own fault number; missing where there is none.
+        drive_error_code: Option<i64> = "21" as [int64, optional];
+        /// Cycles since the readings were latched; missing where they are fresh.
+        drive_age_cycles: Option<i64> = "22" as [int64, optional];
     }
 }
 

@@ -16,6 +16,9 @@ const WAITING_NS: u64 = 2_900_000_000;
 /// Drives that are ready must be enabled in this time. CiA 402 drives need three exchanges and their brake's release, up to some
 /// tenths of a second; the rest is for a bus that loses frames.
 const ENABLING_NS: u64 = 3_000_000_000;
+/// Drives that were damped must be enabled again in this time: as long as a holding brake may take, and short enough that a damped
+/// PA-10 falls by less than half a radian.
+const REENABLING_NS: u64 = 500_000_000;
 /// For so long after the operator's reset drives are asked to clear their faults.
 const RESET_NS: u64 = 1_000_000_000;
 
@@ -39,6 +42,7 @@ pub fn cycle_config(run: &RunConfig, robot: &Robot) -> CycleConfig {
         damping_cycles: cycles(DAMPING_NS),
         waiting_cycles: cycles(WAITING_NS),
         enabling_cycles: cycles(ENABLING_NS),
+        reenabling_cycles: cycles(REENABLING_NS),
         reset_cycles: cycles(RESET_NS),
     }
 }

@@ -39,6 +39,8 @@ pub struct CycleConfig {
     pub waiting_cycles: u64,
     /// Cycles in which drives that are ready must be enabled.
     pub enabling_cycles: u64,
+    /// Cycles in which drives that were damped must be enabled again: until then gravity moves the joints.
+    pub reenabling_cycles: u64,
     /// Cycles for which drives are asked to clear their faults, after the operator's reset.
     pub reset_cycles: u64,
 }
@@ -81,8 +83,8 @@ pub struct CycleState {
     acknowledgements: u32,
     /// As the drives' last sample had it: where none comes, nobody has let go of the switch.
     emergency_stop_pressed: bool,
-    /// Cycles in a row in which the drives were on their way to being enabled.
-    enabling_cycles: u64,
+    /// Cycles that are left for the drives to be enabled.
+    enabling_left: u64,
     /// Cycles for which the drives are still asked to clear their faults.
     resetting_cycles: u64,
     /// Why the last command was not handed to the drives.
@@ -188,10 +190,12 @@ impl CycleState {
         self.clock.advance(config, self.state, input.cycle);
         self.observe(config, input);
         let event = self.event(config, input);
-        self.state = next(self.state, event);
-        self.enabling_cycles = match self.state {
-            LoopState::Enabling => self.enabling_cycles + 1,
-            _ => 0,
+        let before = self.state;
+        self.state = next(before, event);
+        self.enabling_left = match (before, self.state) {
+            (LoopState::Enabling, LoopState::Enabling) => self.enabling_left.saturating_sub(1),
+            (LoopState::Damping, LoopState::Enabling) => config.reenabling_cycles,
+            _ => config.enabling_cycles,
         };
         self.clock.enter(config, self.state);
         let limited_joints = self.send(config, input);
@@ -328,7 +332,7 @@ impl CycleState {
                 state: drives.state_of(joint),
             });
         }
-        if self.enabling_cycles <= config.enabling_cycles {
+        if self.state != LoopState::Enabling || self.enabling_left > 0 {
             return None;
         }
         let joint = drives.find(joints, is_off)?;

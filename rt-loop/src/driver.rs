@@ -48,8 +48,8 @@
 //! A drive with a fault of its own, and one that is no longer enabled while it should obey, are a safe stop at once, with the
 //! joint and its code. A joint whose readings are older than [`AGE_MAX_CYCLES`], an exchange that failed and a command that was not
 //! sent are "nothing fresh": held, then damped, then braked, and the run goes on where it comes back in time. A
-//! [latched](DriveFault::is_latched) fault is a safe stop. Warnings stop nothing. A drive that is not enabled within three seconds,
-//! once all are ready, is a safe stop. Motion begins when every drive is enabled.
+//! [latched](DriveFault::is_latched) fault is a safe stop. Warnings stop nothing. A drive that is not enabled within three seconds
+//! once all are ready, or within half a second after it was damped, is a safe stop. Motion begins when every drive is enabled.
 //!
 //! ```
 //! use std::time::Duration;

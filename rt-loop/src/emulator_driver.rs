@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use crate::driver::{
     Behind, Capabilities, DriveFault, Driver, DriverEntry, JointCapabilities, OpenContext,
-    OpenError,
+    OpenError, WATCHDOG_MAX,
 };
 
 /// The emulator is at most a few latches ahead of a loop that is late; a sample further ahead is nonsense.
@@ -28,6 +28,15 @@ pub const EMULATOR: DriverEntry = DriverEntry {
     open,
 };
 
+/// A process of somebody else's on the topics of the drives, in any language that iceoryx2 has: it reads `drive/command` and
+/// writes `drive/sample`, keeps what [`crate::driver`] says of a driver, and stops its drives by itself.
+pub const PROCESS: DriverEntry = DriverEntry {
+    name: "process",
+    summary: "a process that you start, on drive/command and drive/sample",
+    behind: Behind::Process,
+    open: open_process,
+};
+
 fn open(context: &OpenContext<'_>) -> Result<Box<dyn Driver>, OpenError> {
     let bus = context
         .bus
@@ -36,11 +45,25 @@ fn open(context: &OpenContext<'_>) -> Result<Box<dyn Driver>, OpenError> {
     Ok(Box::new(driver))
 }
 
+fn open_process(context: &OpenContext<'_>) -> Result<Box<dyn Driver>, OpenError> {
+    let bus = context
+        .bus
+        .ok_or_else(|| OpenError::Setting("this driver is only there in a run".to_owned()))?;
+    let mut driver = EmulatorDriver::open(bus, context.run)?;
+    driver.device = "a process of its own";
+    driver.modes = &DriveMode::ALL;
+    // Nothing can be read back over the topics: it is what their reader has promised.
+    driver.watchdog = WATCHDOG_MAX;
+    Ok(Box::new(driver))
+}
+
 /// Talks to the emulator process of the same instance.
 #[derive(Debug)]
 pub struct EmulatorDriver {
     session: u64,
     joint_count: usize,
+    device: &'static str,
+    modes: &'static [DriveMode],
     watchdog: Duration,
     command: CommandWriter,
     command_ready: Notifier,
@@ -72,6 +95,8 @@ impl EmulatorDriver {
         Ok(Self {
             session: run.session,
             joint_count: run.initial_position_rad.len(),
+            device: "emulated drive",
+            modes: &[DriveMode::Torque, DriveMode::Velocity],
             watchdog: Duration::from_nanos(run.period_ns.saturating_mul(WATCHDOG_CYCLES)),
             command: CommandWriter(command),
             command_ready,
@@ -105,8 +130,8 @@ impl EmulatorDriver {
 impl Driver for EmulatorDriver {
     fn capabilities(&self) -> Capabilities {
         let joint = JointCapabilities {
-            device: "emulated drive".to_owned(),
-            modes: vec![DriveMode::Torque, DriveMode::Velocity],
+            device: self.device.to_owned(),
+            modes: self.modes.to_vec(),
             watchdog: Some(self.watchdog),
             ..JointCapabilities::default()
         };

@@ -17,7 +17,7 @@ use crate::admission::{admits_command, check_sample};
 use crate::config::cycle_config;
 use crate::cycle::{CycleConfig, CycleInput, CycleOutput, CycleState};
 use crate::driver::{Driver, DriverEntry, Mismatch, OpenContext, OpenError};
-use crate::emulator_driver::EMULATOR;
+use crate::emulator_driver::{EMULATOR, PROCESS};
 use crate::last_cycles::LastCycles;
 use crate::lockstep::{self, LockstepPeers};
 use crate::report::{
@@ -29,7 +29,7 @@ use crate::steal_watch::StealWatch;
 use crate::supervision::SupervisorWatch;
 
 /// The drivers that come with the loop.
-pub const DRIVERS: [DriverEntry; 1] = [EMULATOR];
+pub const DRIVERS: [DriverEntry; 2] = [EMULATOR, PROCESS];
 
 /// Part of the period in which the drives' sample must have come.
 const SAMPLE_DEADLINE_PARTS: u64 = 3;

@@ -213,6 +213,9 @@ fn joint_cycle(messages: &CycleMessages, sample: &SensorSample, joint: usize) ->
     let [structural_damping_nm, _] = estimate.structural_damping.valid_nm(joint);
     let [fusion_nm, fusion_std_nm] = estimate.fusion.valid_nm(joint);
     let external = &estimate.external;
+    let drives = messages.status.unwrap_or_default().drives;
+    let told = |number: u32| (number != 0).then_some(i64::from(number));
+    let drive_state = told(drives.state[joint]);
     JointCycle {
         reference_position_rad: command
             .and_then(|command| present(command.reference_position_rad[joint])),
@@ -236,6 +239,10 @@ fn joint_cycle(messages: &CycleMessages, sample: &SensorSample, joint: usize) ->
         estimate_external_nm: present(external.torque_nm[joint]),
         estimate_external_std_nm: present(external.std_nm[joint]),
         segment: None,
+        drive_state,
+        drive_status_word: drive_state.map(|_| i64::from(drives.status_word[joint])),
+        drive_error_code: told(drives.error_code[joint]),
+        drive_age_cycles: told(drives.age_cycles[joint]),
     }
 }
 

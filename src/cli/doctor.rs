@@ -11,6 +11,7 @@ use clap::Args;
 Examples:
   flexspline doctor                    everything, with two seconds of wake-ups on the loop's core
   flexspline doctor --no-probe         only what can be read
+  flexspline doctor --driver NAME --robot arm.toml    the drives on the bus too
   flexspline doctor --json doctor.json --probe 60s
 
 What is granted is read back from a thread that asks for what the loop asks for. Call it as the user, and in the unit or
@@ -23,6 +24,17 @@ pub struct DoctorArguments {
     /// Leave the probe out: nothing is asked of the kernel
     #[arg(long, conflicts_with = "probe")]
     pub no_probe: bool,
+    /// Driver whose drives are looked at: opened, read back, exchanged with for a second, brakes closed
+    #[arg(long, value_name = "NAME")]
+    pub driver: Option<String>,
+    /// Robot that the drives are held against: pa10, shd17, or a robot file
+    #[arg(
+        long,
+        default_value = "pa10",
+        value_name = "NAME|FILE",
+        requires = "driver"
+    )]
+    pub robot: String,
     /// Where to write the findings as JSON; - for standard output
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,

@@ -21,6 +21,9 @@ pub struct FaultsArguments {
     /// Robot: pa10, shd17, or a robot file
     #[arg(long, default_value = "pa10", value_name = "NAME|FILE")]
     pub robot: String,
+    /// Driver of the runs with processes; faults in virtual time are the emulator's
+    #[arg(long, default_value = "emulator", value_name = "NAME")]
+    pub driver: String,
     /// Only a few of each kind
     #[arg(long)]
     pub short: bool,

@@ -3,6 +3,7 @@
 //! Every check is a function of the text of some file; [`machine`] reads the files, and what cannot be read is unknown.
 
 mod cores;
+mod drives;
 mod finding;
 mod kernel;
 mod machine;
@@ -46,7 +47,8 @@ struct DoctorReport {
 pub fn doctor(arguments: &DoctorArguments) -> Result<(), CliError> {
     let cores = usable_cores();
     let loop_core = core_of(Role::Loop, &cores);
-    let mut findings = read_findings(&cores, loop_core);
+    let mut findings = drives::findings(arguments)?;
+    findings.extend(read_findings(&cores, loop_core));
     let probe = if arguments.no_probe {
         None
     } else {

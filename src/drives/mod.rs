@@ -2,15 +2,8 @@
 
 mod moteus;
 
-use moteus_driver::MOTEUS;
-use rt_loop::driver::DriverEntry;
-use rt_loop::process::DRIVERS as EMULATED;
-
 use crate::cli::{DrivesCommand, EmulateCommand};
 use crate::error::CliError;
-
-/// The drivers of this program: the loop's own, and those of hardware.
-pub const DRIVERS: [DriverEntry; 2] = [EMULATED[0], MOTEUS];
 
 /// Does what was asked of drives.
 ///

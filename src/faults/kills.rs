@@ -10,7 +10,7 @@ use realtime::process::send_signal;
 use serde::Serialize;
 use shm_types::topics::Role;
 
-use super::subject::Subject;
+use super::subject::{Subject, Target};
 use crate::cli::FaultsArguments;
 use crate::error::CliError;
 
@@ -94,7 +94,7 @@ pub fn under_one_loop(arguments: &FaultsArguments) -> Result<KillReport, CliErro
         .kills
         .unwrap_or(if arguments.short { 5 } else { 1000 });
     let mut random = Pcg32::new(SEED, 0);
-    let mut subject = Subject::start(&arguments.robot, ENDLESS)?;
+    let mut subject = Subject::start(Target::of(arguments), ENDLESS)?;
     subject.await_process(Role::Loop, None);
     std::thread::sleep(Duration::from_secs(1));
     let files_before = subject.files();
@@ -139,7 +139,7 @@ pub fn at_random_moments(arguments: &FaultsArguments) -> Result<RoundReport, Cli
     let mut random = Pcg32::new(SEED, 1);
     let mut report = RoundReport::default();
     for round in 0..rounds {
-        let subject = Subject::start(&arguments.robot, ENDLESS)?;
+        let subject = Subject::start(Target::of(arguments), ENDLESS)?;
         pause(&mut random, ROUND_MAX_MS);
         let what = strike(&subject, &mut random);
         pause(&mut random, ROUND_MAX_MS / 3);

@@ -10,6 +10,7 @@ mod virtual_time;
 use serde::Serialize;
 
 use crate::cli::{FaultsArguments, FaultsPart};
+use crate::drivers;
 use crate::error::CliError;
 use crate::output::{print, write_json};
 use kills::{KillReport, RoundReport};
@@ -37,7 +38,12 @@ struct FaultsReport {
 /// # Errors
 /// [`CliError::Input`] if it cannot be run, [`CliError::Negative`] if a fault ended otherwise than documented.
 pub fn faults(arguments: &FaultsArguments) -> Result<(), CliError> {
-    let wanted = |part| arguments.part.is_empty() || arguments.part.contains(&part);
+    drivers::find(&arguments.driver)?;
+    let wanted = |part| match arguments.part.is_empty() {
+        // In virtual time there are emulated drives only.
+        true => part != FaultsPart::Virtual || drivers::is_emulated(&arguments.driver),
+        false => arguments.part.contains(&part),
+    };
     let mut report = FaultsReport::default();
     if wanted(FaultsPart::Virtual) {
         report.virtual_time = virtual_time::run(&arguments.robot)?;

@@ -10,8 +10,9 @@ use serde::Serialize;
 use serde_json::Value;
 use shm_types::topics::Role;
 
-use super::subject::{End, Setting, Subject};
+use super::subject::{End, Setting, Subject, Target};
 use crate::cli::FaultsArguments;
+use crate::drivers;
 use crate::error::CliError;
 
 /// Before anything is done to a run.
@@ -74,8 +75,8 @@ struct ProcessFault {
     /// Part of the short form.
     short: bool,
     /// Why it cannot be tried here; none if it can.
-    obstacle: fn() -> Option<String>,
-    start: fn(&str) -> Result<Subject, CliError>,
+    obstacle: fn(Target<'_>) -> Option<String>,
+    start: fn(Target<'_>) -> Result<Subject, CliError>,
     act: fn(&mut Subject),
 }
 
@@ -87,7 +88,7 @@ pub fn run(arguments: &FaultsArguments) -> Result<Vec<ProcessOutcome>, CliError>
     all()
         .iter()
         .filter(|fault| fault.short || !arguments.short)
-        .map(|fault| fault.run(&arguments.robot))
+        .map(|fault| fault.run(Target::of(arguments)))
         .collect()
 }
 
@@ -97,12 +98,16 @@ fn all() -> Vec<ProcessFault> {
         name,
         ending,
         short: false,
-        obstacle: || None,
-        start: |robot| Subject::start(robot, RUN),
+        obstacle: |_| None,
+        start: |target| Subject::start(target, RUN),
         act,
     };
     let long = |fault| ProcessFault {
-        start: |robot| Subject::start(robot, LONG_RUN),
+        start: |target| Subject::start(target, LONG_RUN),
+        ..fault
+    };
+    let emulated = |fault| ProcessFault {
+        obstacle: needs_emulator,
         ..fault
     };
     let short = |fault| ProcessFault {
@@ -133,30 +138,32 @@ fn all() -> Vec<ProcessFault> {
         fault("feedforward frozen for 300 ms", GoesOn, |run| {
             freeze(run, Role::Feedforward, 300)
         }),
-        short(fault("emulator frozen for 300 ms", GoesOn, |run| {
-            freeze(run, Role::Emulator, 300)
-        })),
+        short(emulated(fault(
+            "emulator frozen for 300 ms",
+            GoesOn,
+            |run| freeze(run, Role::Emulator, 300),
+        ))),
         fault(
             "recorder frozen for 1 s, as by a slow disk",
             GoesOn,
             |run| freeze(run, Role::Relay, 1000),
         ),
-        short(long(fault("emulator killed", Lost, |run| {
+        short(emulated(long(fault("emulator killed", Lost, |run| {
             signal(run, Role::Emulator, SIGKILL)
-        }))),
-        long(fault("emulator stopped (SIGSTOP)", Lost, |run| {
+        })))),
+        emulated(long(fault("emulator stopped (SIGSTOP)", Lost, |run| {
             signal(run, Role::Emulator, SIGSTOP)
-        })),
+        }))),
         long(fault("loop killed", Lost, |run| {
             signal(run, Role::Loop, SIGKILL)
         })),
         short(ProcessFault {
-            start: |robot| start(robot, Some("/dev/full"), &[]),
+            start: |target| start(target, Some("/dev/full"), &[]),
             ..fault("disk full from the start", Refused, |_| ())
         }),
         ProcessFault {
             obstacle: needs_root,
-            start: |robot| start(robot, Some("/mnt/run.mcap"), &SMALL_DISK),
+            start: |target| start(target, Some("/mnt/run.mcap"), &SMALL_DISK),
             ..fault("disk full during the run", GoesOnUnrecorded, |_| ())
         },
         short(fault(
@@ -169,7 +176,7 @@ fn all() -> Vec<ProcessFault> {
         }))),
         ProcessFault {
             obstacle: needs_root,
-            start: |robot| start(robot, None, &FULL_SHARED_MEMORY),
+            start: |target| start(target, None, &FULL_SHARED_MEMORY),
             ..fault("shared memory full", Refused, |_| ())
         },
         ProcessFault {
@@ -179,13 +186,13 @@ fn all() -> Vec<ProcessFault> {
     ]
 }
 
-fn start(robot: &str, record: Option<&str>, wrapper: &[&str]) -> Result<Subject, CliError> {
+fn start(target: Target<'_>, record: Option<&str>, wrapper: &[&str]) -> Result<Subject, CliError> {
     let setting = Setting {
         record: record.map(Path::new),
         wrapper,
         lockstep: false,
     };
-    Subject::start_with(robot, RUN, &setting)
+    Subject::start_with(target, RUN, &setting)
 }
 
 /// Runs what follows with 1 MiB of shared memory, seen by it alone.
@@ -208,8 +215,13 @@ const SMALL_DISK: [&str; 6] = [
     "sh",
 ];
 
-fn needs_root() -> Option<String> {
+fn needs_root(_: Target<'_>) -> Option<String> {
     (user_id() != 0).then(|| "needs root".to_owned())
+}
+
+fn needs_emulator(target: Target<'_>) -> Option<String> {
+    let reason = || "needs the emulator".to_owned();
+    (!drivers::is_emulated(target.driver)).then(reason)
 }
 
 fn signal(run: &mut Subject, role: Role, signal: i32) {
@@ -252,12 +264,12 @@ fn step_clock(_: &mut Subject) {
 }
 
 impl ProcessFault {
-    fn run(&self, robot: &str) -> Result<ProcessOutcome, CliError> {
-        if let Some(obstacle) = (self.obstacle)() {
+    fn run(&self, target: Target<'_>) -> Result<ProcessOutcome, CliError> {
+        if let Some(obstacle) = (self.obstacle)(target) {
             eprintln!("flexspline: {} is skipped: {obstacle}", self.name);
             return Ok(ProcessOutcome::skipped(self, obstacle));
         }
-        let mut subject = (self.start)(robot)?;
+        let mut subject = (self.start)(target)?;
         if subject.await_process(Role::Loop, None).is_some() {
             std::thread::sleep(SETTLE);
             (self.act)(&mut subject);

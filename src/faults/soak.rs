@@ -13,7 +13,7 @@ use shm_types::bus::Bus;
 use shm_types::topics::{self, Role};
 
 use super::show;
-use super::subject::{Setting, Subject};
+use super::subject::{Setting, Subject, Target};
 use crate::cli::FaultsArguments;
 use crate::error::CliError;
 use crate::run::{PERIOD_NS, stop_on_signals};
@@ -102,7 +102,7 @@ pub fn soak(arguments: &FaultsArguments) -> Result<SoakReport, CliError> {
         lockstep: true,
         ..Setting::default()
     };
-    let mut subject = Subject::start_with(&arguments.robot, duration, &setting)?;
+    let mut subject = Subject::start_with(Target::of(arguments), duration, &setting)?;
     subject.await_process(Role::Loop, None);
     let checkpoints = watch(arguments, &mut subject, asked_cycles, &stop)?;
     if stop.load(Ordering::Relaxed) {

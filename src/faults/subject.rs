@@ -11,6 +11,7 @@ use serde_json::Value;
 use shm_types::instance::Instance;
 use shm_types::topics::Role;
 
+use crate::cli::FaultsArguments;
 use crate::error::CliError;
 use crate::run::PERIOD_NS;
 
@@ -38,6 +39,25 @@ pub struct End {
     pub left_behind: Vec<String>,
 }
 
+/// What is run.
+#[derive(Clone, Copy, Debug)]
+pub struct Target<'a> {
+    /// Name or file of the robot.
+    pub robot: &'a str,
+    /// Name of the driver.
+    pub driver: &'a str,
+}
+
+impl<'a> Target<'a> {
+    /// What the command line names.
+    pub fn of(arguments: &'a FaultsArguments) -> Self {
+        Self {
+            robot: &arguments.robot,
+            driver: &arguments.driver,
+        }
+    }
+}
+
 /// What a run is started with.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Setting<'a> {
@@ -54,8 +74,8 @@ impl Subject {
     ///
     /// # Errors
     /// [`CliError::Input`] if it cannot be started.
-    pub fn start(robot: &str, duration: Duration) -> Result<Self, CliError> {
-        Self::start_with(robot, duration, &Setting::default())
+    pub fn start(target: Target<'_>, duration: Duration) -> Result<Self, CliError> {
+        Self::start_with(target, duration, &Setting::default())
     }
 
     /// Starts a run with a name of its own.
@@ -63,7 +83,7 @@ impl Subject {
     /// # Errors
     /// [`CliError::Input`] if it cannot be started.
     pub fn start_with(
-        robot: &str,
+        target: Target<'_>,
         duration: Duration,
         setting: &Setting<'_>,
     ) -> Result<Self, CliError> {
@@ -81,7 +101,8 @@ impl Subject {
         };
         let recording = folder.path().join("run.mcap");
         command
-            .args(["run", "--robot", robot, "--instance", &name, "--duration"])
+            .args(["run", "--robot", target.robot, "--driver", target.driver])
+            .args(["--instance", &name, "--duration"])
             .arg(format!("{}ms", duration.as_millis()))
             // Cycles are counted and told in periods of this length, whatever the robot file says.
             .arg("--rate")

@@ -23,6 +23,7 @@ use crate::cli::{
     ControlArgument, FrictionVelocityArgument, IdentifyArguments, ModeArgument, RunArguments,
     StiffnessTorqueArgument, WaitArgument,
 };
+use crate::drivers;
 use crate::error::CliError;
 use crate::output::{cannot_write, print, write_text};
 use crate::run;
@@ -46,8 +47,8 @@ impl<'a> Rig<'a> {
     /// # Errors
     /// [`CliError::Input`] if it cannot be made, or the driver needs another mode.
     pub fn new(robot: &'a Robot, arguments: &'a IdentifyArguments) -> Result<Self, CliError> {
-        run::check_driver(&arguments.driver)?;
-        let emulated = arguments.driver == "emulator";
+        drivers::find(&arguments.driver)?;
+        let emulated = drivers::is_emulated(&arguments.driver);
         if arguments.mode == ModeArgument::Lockstep && !emulated {
             return Err(CliError::Input(format!(
                 "--driver {}: virtual time is the emulator's; add --mode realtime",
@@ -278,7 +279,7 @@ impl<'a> Rig<'a> {
         let mut mounted_kg = 0.0;
         for (number, experiment) in todo.iter().enumerate() {
             let payload_kg = experiment.payload.mass_kg;
-            if self.arguments.driver != "emulator" && payload_kg != mounted_kg {
+            if !drivers::is_emulated(&self.arguments.driver) && payload_kg != mounted_kg {
                 ask_for(&experiment.payload, experiment)?;
             }
             mounted_kg = payload_kg;
@@ -326,7 +327,7 @@ impl<'a> Rig<'a> {
     /// The payload as the emulator takes it, beside the trajectory.
     fn injection_file(&self, experiment: &Experiment) -> Result<Option<PathBuf>, CliError> {
         let Payload { mass_kg, centre_m } = experiment.payload;
-        if mass_kg == 0.0 || self.arguments.driver != "emulator" {
+        if mass_kg == 0.0 || !drivers::is_emulated(&self.arguments.driver) {
             return Ok(None);
         }
         let path = self

@@ -8,7 +8,7 @@ use ratatui::widgets::{Bar, BarChart, BarGroup, Block, Cell, Paragraph, Row, Tab
 use rt_loop::report::Quantiles;
 use shm_types::instance::Mode;
 
-use super::snapshot::{JointLine, Snapshot};
+use super::snapshot::{DriveLine, JointLine, Snapshot};
 
 /// Rows of the table of times: a frame, a header, four times.
 const TIMES_ROWS: u16 = 7;
@@ -203,7 +203,7 @@ fn joints_table(snapshot: &Snapshot) -> Table<'static> {
             "residual\nNm",
             "damping\nNm",
             "fusion\nNm",
-            "limited\n",
+            "drive\n",
         ]))
         .block(
             Block::bordered()
@@ -217,7 +217,11 @@ fn joint_row(line: &JointLine) -> Row<'static> {
         (Some(torque_nm), Some(std_nm)) => right(&format!("{torque_nm:.2} ± {std_nm:.2}")),
         (torque_nm, _) => number(torque_nm, 2),
     };
-    let limited = if line.limited { "limited" } else { "" };
+    let drive = line.drive.as_ref().map_or(String::new(), DriveLine::words);
+    let drive = match (drive.is_empty(), line.limited) {
+        (true, true) => "limited".to_owned(),
+        _ => drive,
+    };
     let row = Row::new([
         Cell::from(line.joint.clone()),
         number(line.link_position_rad, 4),
@@ -234,7 +238,7 @@ fn joint_row(line: &JointLine) -> Row<'static> {
         number(estimates.residual_torque_nm, 2),
         number(estimates.structural_damping_torque_nm, 2),
         fusion,
-        right(limited),
+        right(&drive),
     ]);
     match line.limited {
         true => row.style(Style::default().fg(Color::Yellow)),

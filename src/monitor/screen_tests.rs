@@ -33,6 +33,7 @@ fn snapshot() -> Snapshot {
         position_limit_rad: Some([-1.0, 1.0]),
         velocity_limit_rad_s: Some(1.0),
         motor_torque_limit_nm: Some(2.0),
+        drive: None,
     };
     Snapshot {
         instance: "arm1".to_owned(),

@@ -2,6 +2,7 @@
 
 use rt_loop::report::Quantiles;
 use serde::Serialize;
+use shm_types::drive::DriveState;
 use shm_types::instance::Mode;
 
 /// Everything shown.
@@ -105,6 +106,42 @@ pub struct JointLine {
     pub velocity_limit_rad_s: Option<f64>,
     /// From the robot file, before the gear.
     pub motor_torque_limit_nm: Option<f64>,
+    /// What the drive tells of itself, if it does.
+    pub drive: Option<DriveLine>,
+}
+
+/// One joint's drive.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DriveLine {
+    /// Its state, by name.
+    pub state: &'static str,
+    /// Its own status word.
+    pub status_word: u32,
+    /// Its own fault number; 0 is none.
+    pub error_code: u32,
+    /// Cycles since its readings were latched.
+    pub age_cycles: u32,
+    /// Bits of `shm_types::drive::warning`.
+    pub warnings: u32,
+    /// Of its supply, where it is measured.
+    pub supply_voltage_v: Option<f64>,
+}
+
+impl DriveLine {
+    /// What somebody who looks has to know first, in seven letters; nothing where all is well.
+    pub fn words(&self) -> String {
+        let named = |state: DriveState| self.state == state.name();
+        match (self.error_code, self.age_cycles) {
+            (0, 0) if named(DriveState::Enabled) => String::new(),
+            (0, 0) if named(DriveState::NotReady) => "starts".to_owned(),
+            (0, 0) if named(DriveState::SwitchedOff) => "off".to_owned(),
+            (0, 0) if named(DriveState::Enabling) => "enables".to_owned(),
+            (0, 0) if named(DriveState::QuickStop) => "stopped".to_owned(),
+            (0, 0) => "fault".to_owned(),
+            (0, age) => format!("old {age}"),
+            (code, _) => format!("{code:#06x}"),
+        }
+    }
 }
 
 /// Torque of one joint without a torque sensor, after the gear.
@@ -135,7 +172,7 @@ pub struct ProcessLine {
     pub last_end: Option<String>,
 }
 
-/// Words for the loop's fault code: its kind in the low byte, the joint above it. 0 is none.
+/// Words for the loop's fault code: its kind in the low byte, the joint in the next, a drive's own error above that. 0 is none.
 pub fn fault_words(code: u32, joint_names: &[&str]) -> Option<String> {
     let words = match code & 0xff {
         0 => return None,
@@ -152,10 +189,22 @@ pub fn fault_words(code: u32, joint_names: &[&str]) -> Option<String> {
         11 => "encoder stood still",
         12 => "emergency stop",
         13 => "supervisor silent",
+        14 => "far from its reference",
+        15 => "bus counted too few answers",
+        16 => "device left the exchange",
+        17 => "nothing came from its drive",
+        18 => "drive is faulted",
+        19 => "drive is off although it should obey",
+        20 => "drive was not enabled in time",
+        21 => "bus is off",
+        22 => "link to the drives is lost",
+        23 => "drives were off although they should obey",
         kind => return Some(format!("fault {kind}")),
     };
-    Some(match (code & 0xff, joint_names.get((code >> 8) as usize)) {
-        (5 | 8 | 10 | 11, Some(joint)) => format!("{joint}: {words}"),
+    let joint = joint_names.get((code >> 8 & 0xff) as usize);
+    Some(match (code & 0xff, joint) {
+        (18, Some(joint)) => format!("{joint}: {words}, error {:#06x}", code >> 16),
+        (5 | 8 | 10 | 11 | 14 | 16 | 17 | 19 | 20, Some(joint)) => format!("{joint}: {words}"),
         _ => words.to_owned(),
     })
 }

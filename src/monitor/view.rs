@@ -4,12 +4,14 @@ use hdrhistogram::Histogram;
 use robot::Robot;
 use rt_loop::report::Quantiles;
 use shm_types::JOINTS_MAX;
+use shm_types::drive::DriveState;
 use shm_types::instance::{Mode, RunConfig};
 use shm_types::messages::{LoopState, LoopStatus, PerJoint, SensorSample, TorqueEstimate};
 use shm_types::roster::Member;
 
 use super::snapshot::{
-    Bucket, JointEstimates, JointLine, LoopCounters, LoopTimes, ProcessLine, Snapshot, fault_words,
+    Bucket, DriveLine, JointEstimates, JointLine, LoopCounters, LoopTimes, ProcessLine, Snapshot,
+    fault_words,
 };
 
 /// A velocity that no sensor gives is the way of this many cycles divided by their time: 20 ms at 1.5 kHz.
@@ -215,8 +217,23 @@ impl View {
             position_limit_rad: facts.position_limit_rad,
             velocity_limit_rad_s: facts.velocity_limit_rad_s,
             motor_torque_limit_nm: facts.torque_limit_nm,
+            drive: self.status.and_then(|status| drive_line(&status, joint)),
         }
     }
+}
+
+/// `None` where the driver tells nothing of its drives.
+fn drive_line(status: &LoopStatus, joint: usize) -> Option<DriveLine> {
+    let drives = &status.drives;
+    let state = drives.state_of(joint);
+    (state != DriveState::Unknown).then(|| DriveLine {
+        state: state.name(),
+        status_word: drives.status_word[joint],
+        error_code: drives.error_code[joint],
+        age_cycles: drives.age_cycles[joint],
+        warnings: drives.warnings[joint],
+        supply_voltage_v: present(drives.supply_voltage_v[joint]).filter(|&volts| volts > 0.0),
+    })
 }
 
 fn present(value: f64) -> Option<f64> {

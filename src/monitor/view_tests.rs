@@ -1,4 +1,5 @@
 use shm_types::control_options::ControlOptions;
+use shm_types::drive::DriveState;
 use shm_types::instance::{ControlMode, Wait};
 use shm_types::messages::Header;
 
@@ -181,4 +182,36 @@ fn clearing_forgets_times_and_keeps_the_state() {
     let snapshot = view.snapshot(0);
     assert_eq!(snapshot.times.late_at_wakeup.count, 0);
     assert_eq!(snapshot.state, "Running");
+}
+
+#[test]
+fn a_drive_that_is_not_as_it_should_be_is_told_first() {
+    let mut view = view(Mode::Realtime);
+    view.add_status(&status(1), 0);
+    assert_eq!(
+        view.snapshot(0).joints[0].drive,
+        None,
+        "a driver that tells nothing"
+    );
+    let mut told = status(2);
+    let words = |view: &View| {
+        let snapshot = view.snapshot(0);
+        snapshot.joints[0].drive.as_ref().expect("told").words()
+    };
+    told.drives.state[0] = DriveState::Enabled as u32;
+    view.add_status(&told, 0);
+    assert_eq!(words(&view), "");
+    told.drives.age_cycles[0] = 3;
+    view.add_status(&told, 0);
+    assert_eq!(words(&view), "old 3");
+    told.drives.state[0] = DriveState::Fault as u32;
+    told.drives.error_code[0] = 0x2310;
+    told.fault = 18 | 0x2310 << 16;
+    view.add_status(&told, 0);
+    assert_eq!(words(&view), "0x2310");
+    let fault = view.snapshot(0).fault.expect("told");
+    assert!(
+        fault.contains("joint1") && fault.contains("0x2310"),
+        "{fault}"
+    );
 }

@@ -44,6 +44,13 @@ pub struct Experiment {
     is_searched: bool,
 }
 
+/// At the gains of PA10-03 the elbow's motor may stand until the feedback is stronger than friction: its 6 Nm inside the region of
+/// low stiffness are 0.24 rad at 25 Nm/rad. Twice that.
+const SOFT_STANDSTILL_RAD: f64 = 0.5;
+/// At those gains a model that is off by a fifth of the gravity torque lets the elbow fall. The sweep is from one end to the other,
+/// so no error is larger than its range.
+const SOFT_FOLLOWING_RAD: f64 = std::f64::consts::PI;
+
 /// All experiments of a paper.
 ///
 /// # Errors
@@ -108,9 +115,15 @@ pub fn of_paper(
 }
 
 impl Experiment {
-    /// The controller with this experiment's gains.
+    /// The controller with this experiment's gains, watched as they ask for.
     fn prepared(&self, controller: &Controller) -> Controller {
-        controller.clone().with_gains(|control| {
+        let mut controller = controller.clone();
+        if let (Some(moving), Some(_)) = (self.joint, self.gains) {
+            let joint = &mut controller.model.joints[moving];
+            joint.standstill_limit_rad = Some(SOFT_STANDSTILL_RAD);
+            joint.following_limit_rad = Some(SOFT_FOLLOWING_RAD);
+        }
+        controller.with_gains(|control| {
             let Some(moving) = self.joint else { return };
             for (joint, gain_nm_rad) in control.proportional_nm_rad.iter_mut().enumerate() {
                 if joint != moving {

@@ -22,6 +22,7 @@ use shm_types::instance::{ControlMode, Instance, Mode, RunConfig};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::cli::RunArguments;
+use crate::drivers;
 use crate::error::CliError;
 use crate::output::{print, write_json};
 use crate::supervisor::last_cycles::{self, stop_path};
@@ -174,7 +175,7 @@ struct Plan {
 impl Plan {
     fn new(arguments: &RunArguments) -> Result<Self, CliError> {
         let instance = Instance::new(&arguments.instance, user_id()).map_err(CliError::input)?;
-        check_driver(&arguments.driver)?;
+        drivers::find(&arguments.driver)?;
         let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
         robot.check_fits_loop().map_err(CliError::input)?;
         let period_ns = period_ns(arguments.rate, &robot)?;
@@ -238,7 +239,10 @@ impl Plan {
 }
 
 /// What was asked for, or the rate for which the robot file's gains are made.
-fn period_ns(asked_hz: Option<f64>, robot: &Robot) -> Result<u64, CliError> {
+///
+/// # Errors
+/// [`CliError::Input`] for a rate that is none, with where it stands.
+pub fn period_ns(asked_hz: Option<f64>, robot: &Robot) -> Result<u64, CliError> {
     let control = robot.control.as_ref();
     let (place, rate_hz) = match (asked_hz, control) {
         (Some(asked_hz), _) => ("--rate", asked_hz),
@@ -328,16 +332,6 @@ fn check_control(config: &RunConfig, robot: Robot, trajectory: Trajectory) -> Re
         ));
     }
     Controller::new(config, robot, trajectory)
-        .map(drop)
-        .map_err(CliError::input)
-}
-
-/// That there is such a driver.
-///
-/// # Errors
-/// [`CliError::Input`] with those there are.
-pub fn check_driver(driver: &str) -> Result<(), CliError> {
-    rt_loop::process::find_driver(&crate::drives::DRIVERS, driver)
         .map(drop)
         .map_err(CliError::input)
 }

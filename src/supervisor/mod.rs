@@ -19,6 +19,7 @@ use shm_types::messages::{LastCycle, LoopStatus};
 use shm_types::roster::{self, Member};
 use shm_types::topics::{self, Role};
 
+use crate::drivers;
 use child::{Child, Restart, is_broken};
 use last_cycles::LastCycles;
 use operator::Operator;
@@ -138,7 +139,7 @@ impl Supervisor {
         };
         let services = Role::ALL.into_iter().filter(|role| match role {
             Role::Loop => false,
-            Role::Emulator => config.driver == "emulator",
+            Role::Emulator => drivers::is_emulated(&config.driver),
             Role::Estimator | Role::Feedforward | Role::Relay => true,
         });
         let started = supervisor.start_all(services);

@@ -243,10 +243,10 @@ pub fn drives() -> Vec<Scenario> {
             CommandNotSent,
         ),
         drive(
-            "commands not sent, for good",
-            SafeStop,
-            long,
-            window(FOR_GOOD),
+            "commands not sent, 100 cycles",
+            Running,
+            short,
+            window(100),
             CommandNotSent,
         ),
         drive(

@@ -76,6 +76,7 @@ fn config() -> CycleConfig {
         damping_cycles: 2,
         waiting_cycles: 2,
         enabling_cycles: 6,
+        reenabling_cycles: 4,
         reset_cycles: 3,
     }
 }
@@ -97,7 +98,7 @@ fn place(config: &CycleConfig, state: &CycleState) -> Place {
         },
         mode: state.sending.mode as u32,
         unbraked: state.sending.unbraked_cycles().min(4),
-        enabling: state.enabling_cycles,
+        enabling: state.enabling_left,
         resetting: state.resetting_cycles,
         pressed: state.emergency_stop_pressed,
         ran_away: config.joints[0].has_run_away(motion),

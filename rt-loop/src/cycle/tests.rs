@@ -28,6 +28,7 @@ fn config() -> CycleConfig {
         damping_cycles: 2,
         waiting_cycles: 2,
         enabling_cycles: 6,
+        reenabling_cycles: 4,
         reset_cycles: 3,
     }
 }
