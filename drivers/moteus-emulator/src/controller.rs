@@ -146,7 +146,7 @@ impl Controller {
     /// Output torque as the current tells; 0 without current.
     pub fn torque_nm(&self) -> f64 {
         if self.is_driven() && self.tuning.ratio != 0.0 {
-            self.sensors.motor_torque_nm * self.sign() / self.tuning.ratio
+            self.sensors.motor_torque_nm * self.output_sign() / self.tuning.ratio
         } else {
             0.0
         }
@@ -155,7 +155,7 @@ impl Controller {
     /// Current of the torque.
     pub fn q_current_a(&self) -> f64 {
         if self.is_driven() {
-            self.sensors.motor_torque_nm * self.sign() / self.tuning.torque_constant_nm_a
+            self.sensors.motor_torque_nm * self.output_sign() / self.tuning.torque_constant_nm_a
         } else {
             0.0
         }
@@ -191,12 +191,12 @@ impl Controller {
         !self.sensors.link_rev.is_nan()
     }
 
-    fn sign(&self) -> f64 {
+    fn output_sign(&self) -> f64 {
         self.tuning.output_sign
     }
 
     fn turned_ratio(&self) -> f64 {
-        self.sign() * self.tuning.ratio
+        self.output_sign() * self.tuning.ratio
     }
 
     fn is_driven(&self) -> bool {
@@ -215,7 +215,7 @@ impl Controller {
         let offset_rev = self.config.number("motor_position.output.offset");
         let turn_rev = self.tuning.ratio.abs();
         let position_rev =
-            (self.rotor_encoder_rev() * self.tuning.ratio + offset_rev) * self.sign();
+            (self.rotor_encoder_rev() * self.tuning.ratio + offset_rev) * self.output_sign();
         balanced(position_rev, turn_rev)
     }
 
@@ -233,8 +233,12 @@ impl Controller {
     fn link_position_rev(&self) -> Option<f64> {
         let is_reference = self.config.number("motor_position.output.reference_source") == 1.0;
         let offset_rev = self.config.number("motor_position.output.offset");
-        (is_reference && self.has_link_encoder())
-            .then(|| balanced((self.link_encoder_rev() + offset_rev) * self.sign(), 1.0))
+        (is_reference && self.has_link_encoder()).then(|| {
+            balanced(
+                (self.link_encoder_rev() + offset_rev) * self.output_sign(),
+                1.0,
+            )
+        })
     }
 
     /// The position next to `value_rev` that the rotor's encoder allows.
@@ -283,7 +287,7 @@ impl Controller {
         }
         self.config.change("motor_position.output.offset", 0.0);
         self.set_nearest(value_rev);
-        let missing_rev = (value_rev - self.exact_position_rev()) * self.sign();
+        let missing_rev = (value_rev - self.exact_position_rev()) * self.output_sign();
         self.config
             .change("motor_position.output.offset", missing_rev);
         self.set_nearest(value_rev);
@@ -336,7 +340,7 @@ impl Controller {
             bus_v: BUS_V,
             temperature_c: TEMPERATURE_C,
         };
-        self.servo.step(&measured, &self.tuning, step_s) * self.sign()
+        self.servo.step(&measured, &self.tuning, step_s) * self.output_sign()
     }
 
     /// Another millisecond has passed.
