@@ -26,6 +26,7 @@
 mod cli;
 mod doctor;
 mod drivers;
+mod drives;
 mod error;
 mod estimate;
 mod faults;
@@ -79,6 +80,7 @@ pub fn main_with(drivers: &[driver::DriverEntry]) -> ExitCode {
         Command::Estimate(arguments) => estimate::estimate(&arguments),
         Command::Monitor(arguments) => monitor::monitor(&arguments),
         Command::Doctor(arguments) => doctor::doctor(&arguments),
+        Command::Drives(command) => drives::drives(&command),
         Command::Faults(arguments) => faults::faults(&arguments),
         Command::Gap(command) => gap::gap(&command),
         Command::Robot(command) => robot::robot(&command),

@@ -2,6 +2,8 @@
 
 use std::process::ExitCode;
 
+use moteus_driver::MOTEUS;
+
 fn main() -> ExitCode {
-    flexspline::main_with(&[])
+    flexspline::main_with(&[MOTEUS])
 }
