@@ -4,6 +4,7 @@
 
 mod cli;
 mod doctor;
+mod drives;
 mod error;
 mod estimate;
 mod faults;
@@ -43,6 +44,7 @@ fn main() -> ExitCode {
         Command::Estimate(arguments) => estimate::estimate(&arguments),
         Command::Monitor(arguments) => monitor::monitor(&arguments),
         Command::Doctor(arguments) => doctor::doctor(&arguments),
+        Command::Drives(command) => drives::drives(&command),
         Command::Faults(arguments) => faults::faults(&arguments),
         Command::Gap(command) => gap::gap(&command),
         Command::Robot(command) => robot::robot(&command),

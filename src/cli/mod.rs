@@ -2,6 +2,7 @@
 
 mod blind;
 mod doctor;
+mod drives;
 mod estimate;
 mod faults;
 mod gap;
@@ -15,6 +16,7 @@ mod run;
 
 pub use self::blind::*;
 pub use self::doctor::*;
+pub use self::drives::*;
 pub use self::estimate::*;
 pub use self::faults::*;
 pub use self::gap::*;
@@ -55,6 +57,9 @@ pub enum Command {
     Monitor(MonitorArguments),
     /// What real-time abilities this machine grants, what is missing, and how to get it
     Doctor(DoctorArguments),
+    /// Virtual drives on an emulated robot
+    #[command(subcommand)]
+    Drives(DrivesCommand),
     /// Put faults into a running system and print what it did about each
     Faults(FaultsArguments),
     /// Where simulation and robot part, which effect causes it, and how far that can be mended
