@@ -28,7 +28,8 @@ pub fn run(arguments: &ProcessArguments) -> Result<(), CliError> {
     match arguments.role {
         RoleArgument::Loop => {
             set_name("fs-loop");
-            rt_loop::process::run(&instance, &stop).map_err(CliError::input)
+            rt_loop::process::run(&instance, &rt_loop::process::DRIVERS, &stop)
+                .map_err(CliError::input)
         }
         RoleArgument::Emulator => {
             set_name("fs-emulator");

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use realtime::process::user_id;
-use rt_loop::driver::{DriveFault, Driver};
+use rt_loop::driver::{Capabilities, DriveFault, Driver};
 use rt_loop::emulator_driver::EmulatorDriver;
 use rt_loop::process::control;
 use shm_types::bus::Bus;
@@ -56,6 +56,10 @@ struct WatchedDriver {
 }
 
 impl Driver for WatchedDriver {
+    fn capabilities(&self) -> Capabilities {
+        self.driver.capabilities()
+    }
+
     fn read(
         &mut self,
         cycle: u64,

@@ -10,7 +10,7 @@ use std::time::Duration;
 use realtime::cores::usable_cores;
 use realtime::process::{send_signal, user_id};
 use rt_loop::config::cycle_config;
-use rt_loop::driver::{DriveFault, Driver};
+use rt_loop::driver::{Capabilities, DriveFault, Driver};
 use rt_loop::process::control;
 use rt_loop::report::LoopReport;
 use shm_types::bus::Bus;
@@ -37,6 +37,10 @@ struct StillDrives {
 }
 
 impl Driver for StillDrives {
+    fn capabilities(&self) -> Capabilities {
+        Capabilities::default()
+    }
+
     fn read(
         &mut self,
         cycle: u64,

@@ -261,6 +261,7 @@ fn bench(random: &mut Random) -> RobotFile {
         friction_table: None,
         torque_tables: Vec::new(),
         estimators: None,
+        drive: None,
         effects: sizes.effects(random),
     };
     RobotFile {
@@ -273,6 +274,7 @@ fn bench(random: &mut Random) -> RobotFile {
         tool_origin_m: [0.0; 3],
         tool_origin_rpy_rad: [0.0; 3],
         shared_effects: Vec::new(),
+        drive: None,
         control: Some(sizes.control(feedback, random)),
         links: vec![sizes.link],
         joints: vec![joint],

@@ -9,7 +9,7 @@ use robot::Robot;
 use rt_loop::admission::{admits_command, check_sample};
 use rt_loop::config::cycle_config;
 use rt_loop::cycle::{CycleConfig, CycleInput, CycleState, Orders};
-use rt_loop::driver::{DriveFault, Driver};
+use rt_loop::driver::{Capabilities, DriveFault, Driver};
 use rt_loop::statistics::Counters;
 use services::controller::Controller;
 use services::feedforward::FeedforwardError;
@@ -156,8 +156,8 @@ impl FaultyLoop<'_> {
             orders,
         };
         let output = self.state.step(config, &input);
-        // The emulated drives take everything.
-        let _ = self.driver.write(&output.drive_command);
+        let written = self.driver.write(&output.drive_command);
+        self.state.written(written);
         account.lose(
             sample.is_err(),
             command.is_none(),
@@ -173,7 +173,7 @@ impl FaultyLoop<'_> {
         });
     }
 
-    fn admitted(&self, cycle: u64, sample: DriveSample) -> Result<DriveSample, DriveFault> {
+    fn admitted(&mut self, cycle: u64, sample: DriveSample) -> Result<DriveSample, DriveFault> {
         check_sample(&sample, SESSION, cycle, self.config.joint_count())?;
         self.state.admit(self.config, cycle, &sample)?;
         Ok(sample)
@@ -221,6 +221,10 @@ impl EmulatedDriver {
 }
 
 impl Driver for EmulatedDriver {
+    fn capabilities(&self) -> Capabilities {
+        Capabilities::default()
+    }
+
     fn read(&mut self, cycle: u64, planned_ns: u64, _: u64) -> Result<DriveSample, DriveFault> {
         while self.drives.cycle() < cycle {
             self.drives.advance();

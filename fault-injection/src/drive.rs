@@ -1,6 +1,6 @@
 //! Faults between the loop and its drives.
 
-use rt_loop::driver::{DriveFault, Driver};
+use rt_loop::driver::{Capabilities, DriveFault, Driver};
 use shm_types::JOINTS_MAX;
 use shm_types::messages::{DriveCommand, DriveSample, EMERGENCY_STOP_PRESSED};
 
@@ -118,6 +118,10 @@ impl<D: Driver> FaultyDriver<D> {
 }
 
 impl<D: Driver> Driver for FaultyDriver<D> {
+    fn capabilities(&self) -> Capabilities {
+        self.inner.capabilities()
+    }
+
     fn read(
         &mut self,
         cycle: u64,

@@ -18,6 +18,7 @@ use services::estimators::Estimators;
 use services::relay::{Assembler, record_row};
 use services::tracking::Tracking;
 use shm_types::control_options::ControlOptions;
+use shm_types::drive::{BusReport, DriveReport};
 use shm_types::instance::{ControlMode, Mode, RunConfig, Wait};
 use shm_types::messages::{
     Command, DriveCommand, DriveMode, DriveSample, Estimates, ExternalTorque, Header, LoopState,
@@ -183,9 +184,39 @@ impl Anything {
         DriveCommand {
             header: self.header(),
             mode: self.mode(),
-            reserved: 0,
+            request: self.mode(),
             motor_torque_nm: self.per_joint(),
             joint_velocity_rad_s: self.per_joint(),
+            joint_mode: std::array::from_fn(|_| self.mode()),
+            joint_position_rad: self.per_joint(),
+            position_gain_scale: self.per_joint(),
+            velocity_gain_scale: self.per_joint(),
+        }
+    }
+
+    fn drives(&mut self) -> DriveReport {
+        DriveReport {
+            state: std::array::from_fn(|_| self.mode()),
+            mode: std::array::from_fn(|_| self.mode()),
+            status_word: std::array::from_fn(|_| self.0.next_u32()),
+            error_code: std::array::from_fn(|_| self.0.next_u32()),
+            device_status: std::array::from_fn(|_| self.mode()),
+            age_cycles: std::array::from_fn(|_| self.mode()),
+            warnings: std::array::from_fn(|_| self.0.next_u32()),
+            position_validity: std::array::from_fn(|_| self.mode()),
+            supply_voltage_v: self.per_joint(),
+        }
+    }
+
+    fn bus(&mut self) -> BusReport {
+        BusReport {
+            clock: self.mode(),
+            faults: self.mode(),
+            working_counter_expected: self.0.next_u32(),
+            working_counter: self.0.next_u32(),
+            clock_offset_ns: self.0.next_u64() as i64,
+            frames_lost: self.0.next_u64(),
+            jitter_ns: self.0.next_u64(),
         }
     }
 
@@ -197,6 +228,8 @@ impl Anything {
             mode: self.mode(),
             inputs: self.0.next_u32(),
             reserved: 0,
+            drives: self.drives(),
+            bus: self.bus(),
         }
     }
 
@@ -238,6 +271,8 @@ impl Anything {
             missed_deadlines: self.0.next_u64(),
             stale_commands: self.0.next_u64(),
             motor_torque_nm: self.per_joint(),
+            drives: self.drives(),
+            bus: self.bus(),
             ..LoopStatus::default()
         }
     }

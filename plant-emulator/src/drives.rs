@@ -128,6 +128,8 @@ fn plant_command(command: &DriveCommand) -> Option<PlantCommand> {
         DriveMode::Damping => PlantMode::Damping,
         DriveMode::Torque => PlantMode::Torque,
         DriveMode::Velocity => PlantMode::Velocity,
+        // No emulated drive closes a position loop.
+        DriveMode::Position | DriveMode::Impedance => return None,
     };
     let finite = |values: &[f64; JOINTS_MAX]| values.iter().all(|value| value.is_finite());
     (finite(&command.motor_torque_nm) && finite(&command.joint_velocity_rad_s)).then_some(

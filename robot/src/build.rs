@@ -79,6 +79,7 @@ impl RobotFile {
             joints,
             shared_effects,
             control,
+            drive: self.drive,
             tolerance: self.parameter_tolerance,
             source,
             notes,

@@ -70,6 +70,7 @@ impl Description {
             tool_origin_rpy_rad: [0.0; 3],
             shared_effects: Vec::new(),
             control: model.control_of(&joints),
+            drive: None,
             joints,
             links: Vec::new(),
         })

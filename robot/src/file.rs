@@ -44,6 +44,9 @@ pub struct RobotFile {
     /// What ran on the robot while it was recorded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control: Option<Control>,
+    /// What the driver of the hardware needs to know: bus, interface. Its keys are the driver's, which checks them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drive: Option<toml::Table>,
     /// The links, each after the one it hangs on, where there is no URDF and no MuJoCo model.
     #[serde(default, rename = "link", skip_serializing_if = "Vec::is_empty")]
     pub links: Vec<LinkFile>,
@@ -185,6 +188,10 @@ pub struct RobotJoint {
     /// Calibrated torque estimators.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimators: Option<EstimatorParameters>,
+    /// What the driver of the hardware needs to know of this joint's drive: address, counts, limits. Its keys are the
+    /// driver's, which checks them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drive: Option<toml::Table>,
     /// What the nominal model already knows.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub effects: Vec<Effect>,
@@ -210,6 +217,7 @@ impl RobotJoint {
             friction_table: None,
             torque_tables: Vec::new(),
             estimators: None,
+            drive: None,
             effects: Vec::new(),
         }
     }

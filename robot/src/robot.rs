@@ -39,6 +39,8 @@ pub struct Robot {
     pub shared_effects: Vec<Effect>,
     /// What ran on the robot while it was recorded, where the file says anything of it; gains in the chain's order.
     pub control: Option<Control>,
+    /// What the driver of the hardware needs to know; its keys are the driver's.
+    pub drive: Option<toml::Table>,
     /// How well the values are known.
     pub tolerance: Tolerance,
     /// Where the description came from.

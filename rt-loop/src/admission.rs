@@ -10,7 +10,7 @@ pub fn is_usable(command: &Command, joint_count: usize) -> bool {
     let asked = match DriveMode::from_raw(command.mode) {
         Some(DriveMode::Torque) => &command.motor_torque_nm,
         Some(DriveMode::Velocity) => &command.joint_velocity_rad_s,
-        Some(DriveMode::Braked | DriveMode::Damping) | None => return false,
+        _ => return false,
     };
     asked[..joint_count].iter().all(|value| value.is_finite())
 }

@@ -5,12 +5,13 @@
 //! torque is held for [`CycleConfig::hold_cycles`], then the joints are damped without any model for
 //! [`CycleConfig::damping_cycles`], then the brakes wait for [`CycleConfig::waiting_cycles`], and then the loop stops.
 
+use shm_types::drive::{BusReport, DriveReport};
 use shm_types::messages::{
     Command, DriveCommand, DriveMode, DriveSample, EMERGENCY_STOP_PRESSED, Header, LoopState,
     SensorSample,
 };
 
-use crate::driver::DriveFault;
+use crate::driver::{AGE_MAX_CYCLES, DriveFault};
 use crate::fault::Fault;
 use crate::joint_motion::JointMotions;
 use crate::limits::JointLimits;
@@ -76,6 +77,12 @@ pub struct CycleState {
     acknowledgements: u32,
     /// As the drives' last sample had it: where none comes, nobody has let go of the switch.
     emergency_stop_pressed: bool,
+    /// Why the last command was not handed to the drives.
+    unsent: Option<DriveFault>,
+    /// How each drive was, as the last sample had it.
+    pub drives: DriveReport,
+    /// How the bus was, as the last sample had it.
+    pub bus: BusReport,
 }
 
 /// What is asked of the loop from outside its control.
@@ -114,17 +121,26 @@ pub struct CycleOutput {
 }
 
 impl CycleState {
-    /// Whether the joints can have moved as this sample of `cycle` says. Asked before anybody is shown the sample.
+    /// Takes what this sample of `cycle` says of the drives, and whether every joint has answered and can have moved as it says.
+    /// Asked before anybody is shown the sample.
     ///
     /// # Errors
-    /// [`DriveFault::JumpedSample`].
+    /// [`DriveFault::JointSilent`], [`DriveFault::JumpedSample`].
     #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
     pub fn admit(
-        &self,
+        &mut self,
         config: &CycleConfig,
         cycle: u64,
         sample: &DriveSample,
     ) -> Result<(), DriveFault> {
+        (self.drives, self.bus) = (sample.drives, sample.bus);
+        let ages = &sample.drives.age_cycles[..config.joint_count()];
+        if let Some(joint) = ages.iter().position(|&age| age > AGE_MAX_CYCLES) {
+            return Err(DriveFault::JointSilent {
+                joint: joint as u32,
+                age_cycles: ages[joint],
+            });
+        }
         match self.motions.jumped_joint(config, cycle, sample) {
             Some(joint) => Err(DriveFault::JumpedSample { joint }),
             None => Ok(()),
@@ -151,6 +167,11 @@ impl CycleState {
             reserved: 0,
             readings: sample.readings,
         }
+    }
+
+    /// Takes whether the last cycle's command was handed to the drives.
+    pub fn written(&mut self, outcome: Result<(), DriveFault>) {
+        self.unsent = outcome.err();
     }
 
     /// One cycle.
@@ -213,7 +234,12 @@ impl CycleState {
             missed if missed <= config.patience_cycles() => Event::MissingForLonger,
             _ => Event::MissingForTooLong,
         };
-        match (input.sample, input.command) {
+        let exchanged = match self.unsent {
+            Some(fault) => input.sample.and(Err(fault)),
+            None => input.sample,
+        };
+        match (exchanged, input.command) {
+            (Err(fault), _) if fault.is_latched() => (Event::Stop, Some(Fault::Drive(fault))),
             (Err(fault), _) => (missing(Event::SampleMissing), Some(Fault::Drive(fault))),
             (Ok(_), None) => (missing(Event::CommandMissing), Some(Fault::CommandMissing)),
             (Ok(sample), Some(_)) => self.answered(sample),
@@ -221,12 +247,16 @@ impl CycleState {
     }
 
     fn answered(&mut self, sample: &DriveSample) -> (Event, Option<Fault>) {
-        let damping = sample.mode == DriveMode::Damping as u32;
-        if !(damping && self.sending.must_show_motion()) {
-            if !damping {
+        let shown = DriveMode::from_raw(sample.mode);
+        let obeying = shown.is_some_and(DriveMode::obeys);
+        if obeying || !self.sending.must_show_motion() {
+            if obeying {
                 self.acknowledgements = 0;
             }
             return (Event::Fresh, None);
+        }
+        if shown != Some(DriveMode::Damping) {
+            return (Event::Stop, Some(Fault::DrivesOff));
         }
         // Damping is also what acknowledges the drives' watchdog; the next fresh command goes on.
         self.acknowledgements += 1;
@@ -308,9 +338,9 @@ impl CycleState {
                 joint_count: config.joint_count() as u64,
             },
             mode: self.sending.mode as u32,
-            reserved: 0,
             motor_torque_nm: self.sending.torque_nm,
             joint_velocity_rad_s: self.sending.velocity_rad_s,
+            ..DriveCommand::default()
         }
     }
 }

@@ -1,22 +1,47 @@
-//! The emulator as a drive: commands out and samples in over shared memory.
+//! Drives in another process, the emulator or one of somebody else's: commands out and samples in over shared memory.
 
 use realtime::clock::monotonic_ns;
 use shm_types::bus::{Bus, BusError, Listener, Notifier, Reader, Writer};
 use shm_types::instance::RunConfig;
-use shm_types::messages::{DriveCommand, DriveSample};
+use shm_types::messages::{DriveCommand, DriveMode, DriveSample};
 use shm_types::topics;
 
-use crate::driver::{DriveFault, Driver};
+use std::time::Duration;
+
+use crate::driver::{
+    Behind, Capabilities, DriveFault, Driver, DriverEntry, JointCapabilities, OpenContext,
+    OpenError,
+};
 
 /// The emulator is at most a few latches ahead of a loop that is late; a sample further ahead is nonsense.
 const AHEAD_MAX_CYCLES: u64 = 16;
+/// Cycles without a command after which emulated drives stop by themselves, as `PlantParameters::watchdog_cycles` has it.
+const WATCHDOG_CYCLES: u64 = 15;
 /// How late a sample is taken whose wake-up was lost.
 const RECHECK_NS: u64 = 100_000;
+
+/// The plant emulator of the same instance.
+pub const EMULATOR: DriverEntry = DriverEntry {
+    name: "emulator",
+    summary: "the emulated robot, which comes with it",
+    behind: Behind::Emulator,
+    open,
+};
+
+fn open(context: &OpenContext<'_>) -> Result<Box<dyn Driver>, OpenError> {
+    let bus = context
+        .bus
+        .ok_or_else(|| OpenError::Setting("this driver is only there in a run".to_owned()))?;
+    let driver = EmulatorDriver::open(bus, context.run)?;
+    Ok(Box::new(driver))
+}
 
 /// Talks to the emulator process of the same instance.
 #[derive(Debug)]
 pub struct EmulatorDriver {
     session: u64,
+    joint_count: usize,
+    watchdog: Duration,
     command: CommandWriter,
     command_ready: Notifier,
     sample: Reader<DriveSample>,
@@ -46,6 +71,8 @@ impl EmulatorDriver {
         command_ready.notify();
         Ok(Self {
             session: run.session,
+            joint_count: run.initial_position_rad.len(),
+            watchdog: Duration::from_nanos(run.period_ns.saturating_mul(WATCHDOG_CYCLES)),
             command: CommandWriter(command),
             command_ready,
             sample,
@@ -76,6 +103,20 @@ impl EmulatorDriver {
 }
 
 impl Driver for EmulatorDriver {
+    fn capabilities(&self) -> Capabilities {
+        let joint = JointCapabilities {
+            device: "emulated drive".to_owned(),
+            modes: vec![DriveMode::Torque, DriveMode::Velocity],
+            watchdog: Some(self.watchdog),
+            ..JointCapabilities::default()
+        };
+        Capabilities {
+            bus: "shared memory".to_owned(),
+            joints: vec![joint; self.joint_count],
+            ..Capabilities::default()
+        }
+    }
+
     fn read(
         &mut self,
         cycle: u64,

@@ -11,6 +11,8 @@ pub enum Fault {
     Drive(DriveFault),
     /// The drives have stopped by themselves: their watchdog missed commands.
     DrivesStopped,
+    /// The drives are switched off or faulted while they should obey.
+    DrivesOff,
     /// A joint moved far outside its limits.
     Runaway {
         /// The joint.
@@ -41,7 +43,8 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// The number it travels as: kind in the low byte, joint above it. 0 is no fault.
+    /// The number it travels as: kind in the low byte, joint in the next; of a drive's own error its code above that, as far as
+    /// it has room. 0 is no fault.
     pub fn code(self) -> u32 {
         match self {
             Self::CommandMissing => 1,
@@ -58,6 +61,15 @@ impl Fault {
             Self::EmergencyStop => 12,
             Self::SupervisorSilent => 13,
             Self::Astray { joint, .. } => 14 | (joint << 8),
+            Self::Drive(DriveFault::WorkingCounter { .. }) => 15,
+            Self::Drive(DriveFault::DeviceState { joint, .. }) => 16 | (joint << 8),
+            Self::Drive(DriveFault::JointSilent { joint, .. }) => 17 | (joint << 8),
+            Self::Drive(DriveFault::DriveError { joint, code }) => 18 | (joint << 8) | (code << 16),
+            Self::Drive(DriveFault::DriveOff { joint, .. }) => 19 | (joint << 8),
+            Self::Drive(DriveFault::NotEnabled { joint, .. }) => 20 | (joint << 8),
+            Self::Drive(DriveFault::BusOff) => 21,
+            Self::Drive(DriveFault::LinkLost) => 22,
+            Self::DrivesOff => 23,
         }
     }
 
@@ -88,7 +100,45 @@ impl Fault {
                 format!("the drives refused mode {mode}")
             }
             Self::Drive(DriveFault::NotSent) => "a command could not be sent".to_owned(),
+            Self::Drive(DriveFault::WorkingCounter { expected, received }) => {
+                format!("the bus counted {received} of {expected} in an exchange")
+            }
+            Self::Drive(DriveFault::DeviceState {
+                joint,
+                al_status,
+                al_status_code,
+            }) => format!(
+                "{}: its device left the exchange with AL status {al_status:#06x}, code {al_status_code:#06x}",
+                name(joint)
+            ),
+            Self::Drive(DriveFault::JointSilent { joint, age_cycles }) => format!(
+                "{}: nothing came from its drive for {age_cycles} cycles",
+                name(joint)
+            ),
+            Self::Drive(DriveFault::DriveError { joint, code }) => {
+                format!(
+                    "{}: its drive is faulted with error {code:#06x}",
+                    name(joint)
+                )
+            }
+            Self::Drive(DriveFault::DriveOff { joint, state }) => format!(
+                "{}: its drive should obey and is {}",
+                name(joint),
+                state.name()
+            ),
+            Self::Drive(DriveFault::NotEnabled {
+                joint,
+                state,
+                status_word,
+            }) => format!(
+                "{}: its drive was not enabled in time, it is {} with status word {status_word:#06x}",
+                name(joint),
+                state.name()
+            ),
+            Self::Drive(DriveFault::BusOff) => "the bus is off".to_owned(),
+            Self::Drive(DriveFault::LinkLost) => "the link to the drives is lost".to_owned(),
             Self::DrivesStopped => "the drives had stopped by themselves".to_owned(),
+            Self::DrivesOff => "the drives were off although they should obey".to_owned(),
             Self::Runaway {
                 joint,
                 position_rad,
@@ -119,6 +169,7 @@ impl Fault {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use shm_types::drive::DriveState;
 
     #[test]
     fn every_fault_has_its_own_code_and_joints_are_told_apart() {
@@ -148,6 +199,35 @@ mod tests {
             },
             Fault::EmergencyStop,
             Fault::SupervisorSilent,
+            Fault::Drive(DriveFault::WorkingCounter {
+                expected: 9,
+                received: 6,
+            }),
+            Fault::Drive(DriveFault::DeviceState {
+                joint,
+                al_status: 0x14,
+                al_status_code: 0x1b,
+            }),
+            Fault::Drive(DriveFault::JointSilent {
+                joint,
+                age_cycles: 5,
+            }),
+            Fault::Drive(DriveFault::DriveError {
+                joint,
+                code: 0x2310,
+            }),
+            Fault::Drive(DriveFault::DriveOff {
+                joint,
+                state: DriveState::SwitchedOff,
+            }),
+            Fault::Drive(DriveFault::NotEnabled {
+                joint,
+                state: DriveState::Enabling,
+                status_word: 0x0233,
+            }),
+            Fault::Drive(DriveFault::BusOff),
+            Fault::Drive(DriveFault::LinkLost),
+            Fault::DrivesOff,
         ];
         let mut kinds: Vec<u32> = faults.iter().map(|fault| fault.code() & 0xff).collect();
         kinds.sort_unstable();
@@ -157,5 +237,8 @@ mod tests {
         assert_eq!(faults[4].code() >> 8, joint);
         let names = ["a", "b", "c", "elbow"].map(str::to_owned);
         assert!(faults[9].sentence(&names).contains("elbow"));
+        let told = faults[17].sentence(&names);
+        assert!(told.contains("elbow") && told.contains("0x2310"), "{told}");
+        assert_eq!(faults[17].code() >> 16, 0x2310);
     }
 }

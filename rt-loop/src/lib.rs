@@ -10,6 +10,7 @@
 pub mod accounts;
 pub mod admission;
 pub mod attribution;
+pub mod capabilities;
 pub mod config;
 pub mod cycle;
 pub mod driver;

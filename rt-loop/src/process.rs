@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use realtime::clock::{monotonic_ns, sleep_until};
 use realtime::grant::{Grant, Request, apply};
 use shm_types::bus::{Bus, BusError, Listener, Notifier, Reader, Writer};
-use shm_types::instance::{Instance, InstanceError, Mode, RunConfig, Wait};
+use shm_types::instance::{ControlMode, Instance, InstanceError, Mode, RunConfig, Wait};
 use shm_types::messages::{
     Command, DriveCommand, DriveMode, DriveSample, Header, Heartbeat, LastCycle, LoopState,
     LoopStatus, SensorSample, Supervision,
@@ -16,8 +16,8 @@ use crate::accounts::{Accounts, CycleFacts};
 use crate::admission::{admits_command, check_sample};
 use crate::config::cycle_config;
 use crate::cycle::{CycleConfig, CycleInput, CycleOutput, CycleState};
-use crate::driver::Driver;
-use crate::emulator_driver::EmulatorDriver;
+use crate::driver::{Driver, DriverEntry, Mismatch, OpenContext, OpenError};
+use crate::emulator_driver::EMULATOR;
 use crate::last_cycles::LastCycles;
 use crate::lockstep::{self, LockstepPeers};
 use crate::report::{
@@ -28,8 +28,8 @@ use crate::status::loop_status;
 use crate::steal_watch::StealWatch;
 use crate::supervision::SupervisorWatch;
 
-/// Names `--driver` takes.
-pub const DRIVERS: [&str; 1] = ["emulator"];
+/// The drivers that come with the loop.
+pub const DRIVERS: [DriverEntry; 1] = [EMULATOR];
 
 /// Part of the period in which the drives' sample must have come.
 const SAMPLE_DEADLINE_PARTS: u64 = 3;
@@ -57,29 +57,88 @@ pub enum LoopError {
     #[error(transparent)]
     Robot(#[from] robot::RobotError),
     /// Nobody has written a driver of this name.
-    #[error("unknown driver `{name}`; known: {}", DRIVERS.join(", "))]
+    #[error("unknown driver `{name}`; known: {known}")]
     UnknownDriver {
         /// As given.
         name: String,
+        /// Those there are.
+        known: String,
+    },
+    /// The driver cannot be opened.
+    #[error("driver `{name}`: {source}")]
+    Open {
+        /// Its name.
+        name: &'static str,
+        /// Why.
+        source: OpenError,
+    },
+    /// The drives are not those of the robot file.
+    #[error("driver `{name}`: {source}")]
+    Mismatch {
+        /// Its name.
+        name: &'static str,
+        /// What does not fit.
+        source: Mismatch,
     },
 }
 
-/// Runs the loop of `instance` until its cycles are done or `stop` is set, and leaves its report there.
+/// The driver of that name.
+///
+/// # Errors
+/// [`LoopError::UnknownDriver`], with those there are.
+pub fn find_driver<'a>(
+    drivers: &'a [DriverEntry],
+    name: &str,
+) -> Result<&'a DriverEntry, LoopError> {
+    let names = || drivers.iter().map(|entry| entry.name).collect::<Vec<_>>();
+    drivers
+        .iter()
+        .find(|entry| entry.name == name)
+        .ok_or_else(|| LoopError::UnknownDriver {
+            name: name.to_owned(),
+            known: names().join(", "),
+        })
+}
+
+/// Opens a driver and holds what its drives are against the robot file.
+///
+/// # Errors
+/// [`LoopError::Open`], [`LoopError::Mismatch`].
+pub fn open_driver(
+    entry: &DriverEntry,
+    context: &OpenContext<'_>,
+) -> Result<Box<dyn Driver>, LoopError> {
+    let name = entry.name;
+    let driver = (entry.open)(context).map_err(|source| LoopError::Open { name, source })?;
+    let mode = match context.run.control {
+        ControlMode::Torque => DriveMode::Torque,
+        ControlMode::Velocity => DriveMode::Velocity,
+    };
+    driver
+        .capabilities()
+        .check(context.robot, mode, context.run.period_ns)
+        .map_err(|source| LoopError::Mismatch { name, source })?;
+    Ok(driver)
+}
+
+/// Runs the loop of `instance`, with one of `drivers`, until its cycles are done or `stop` is set, and leaves its report there.
 ///
 /// # Errors
 /// [`LoopError`] if it cannot start; once started it runs to its end.
-pub fn run(instance: &Instance, stop: &AtomicBool) -> Result<(), LoopError> {
+pub fn run(
+    instance: &Instance,
+    drivers: &[DriverEntry],
+    stop: &AtomicBool,
+) -> Result<(), LoopError> {
     let run = instance.run_config()?;
     let robot = robot::load(&run.robot)?;
     let bus = Bus::join(instance)?;
-    let driver = match run.driver.as_str() {
-        "emulator" => EmulatorDriver::open(&bus, &run)?,
-        name => {
-            return Err(LoopError::UnknownDriver {
-                name: name.to_owned(),
-            });
-        }
+    let context = OpenContext {
+        run: &run,
+        robot: &robot,
+        bus: Some(&bus),
     };
+    let driver = open_driver(find_driver(drivers, &run.driver)?, &context)?;
     let config = cycle_config(&run, &robot);
     let report = control(&bus, driver, run, config, stop)?;
     instance.write_report(LOOP_REPORT_FILE, &report)?;
@@ -202,6 +261,7 @@ impl<D: Driver> Loop<D> {
         }
         self.send_brake(cycle, epoch_ns + cycle * self.config.period_ns);
         while self.hand_out_last_cycle() {}
+        self.driver.shutdown();
         let wall_s = (monotonic_ns() - begun_ns) as f64 * 1e-9;
         let steal_log = steal.finish();
         self.report(held.map(|(grant, _held)| grant), wall_s, cycle, &steal_log)
@@ -328,9 +388,9 @@ impl<D: Driver> Loop<D> {
     }
 
     fn write(&mut self, command: &DriveCommand) {
-        if self.driver.write(command).is_err() {
-            self.accounts.statistics.counters.drive_faults += 1;
-        }
+        let outcome = self.driver.write(command);
+        self.accounts.statistics.counters.unsent_commands += u64::from(outcome.is_err());
+        self.state.written(outcome);
     }
 
     fn publish_status(&mut self, output: &CycleOutput, times: &CycleTimes) -> LoopStatus {

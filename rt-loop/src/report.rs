@@ -115,6 +115,7 @@ pub fn named_counters(statistics: &Statistics) -> BTreeMap<String, u64> {
         ("refused_future_commands", counters.future_commands),
         ("refused_unusable_commands", counters.unusable_commands),
         ("drive_faults", counters.drive_faults),
+        ("unsent_commands", counters.unsent_commands),
         ("limited_commands", counters.limited_commands),
         ("page_faults", counters.page_faults),
         ("involuntary_switches", counters.involuntary_switches),

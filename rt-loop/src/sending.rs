@@ -146,9 +146,9 @@ impl Sending {
 
     fn enter(&mut self, mode: DriveMode) {
         self.mode = mode;
-        self.moving_cycles = match mode {
-            DriveMode::Torque | DriveMode::Velocity => self.moving_cycles + 1,
-            DriveMode::Braked | DriveMode::Damping => 0,
+        self.moving_cycles = match mode.obeys() {
+            true => self.moving_cycles + 1,
+            false => 0,
         };
     }
 }

@@ -27,7 +27,7 @@ pub enum Event {
     Fresh,
     /// Only a sample came, for no longer than the last command may be held.
     CommandMissing,
-    /// No sample came, for no longer than the last command may be held.
+    /// No sample came or the last command was not sent, for no longer than the last command may be held.
     SampleMissing,
     /// Either has been missing for longer than that.
     MissingForLonger,

@@ -40,6 +40,8 @@ pub struct Counters {
     pub unusable_commands: u64,
     /// Cycles without a sample from the drives.
     pub drive_faults: u64,
+    /// Commands that the driver could not hand to the drives.
+    pub unsent_commands: u64,
     /// Joint commands that a limit changed.
     pub limited_commands: u64,
     /// Page faults of the loop's thread.

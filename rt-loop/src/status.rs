@@ -32,5 +32,7 @@ pub fn loop_status(
         } else {
             sent.motor_torque_nm
         },
+        drives: state.drives,
+        bus: state.bus,
     }
 }

@@ -7,6 +7,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use crate::JOINTS_MAX;
+use crate::drive::{BusReport, DriveReport, NumberPerJoint};
 
 /// One value per joint.
 pub type PerJoint = [f64; JOINTS_MAX];
@@ -148,18 +149,61 @@ pub enum DriveMode {
     Braked = 0,
     /// The drive's own damping: motor terminals shorted or an equal law; no commanded torque.
     Damping = 1,
-    /// Commanded motor torque.
+    /// Commanded motor torque (CiA 402 mode 10).
     Torque = 2,
-    /// Commanded joint velocity, held by the drive's own loop.
+    /// Commanded joint velocity, held by the drive's own loop (CiA 402 mode 9).
     Velocity = 3,
+    /// Commanded joint position, held by the drive's own loop, with the commanded motor torque added (CiA 402 mode 8 with
+    /// object 0x60B2).
+    Position = 4,
+    /// Commanded joint position and velocity, held by the drive's own gains times the commanded scales, with the commanded
+    /// motor torque added (moteus position mode).
+    Impedance = 5,
 }
 
 impl DriveMode {
+    /// Every mode, in the order of their numbers.
+    pub const ALL: [Self; 6] = [
+        Self::Braked,
+        Self::Damping,
+        Self::Torque,
+        Self::Velocity,
+        Self::Position,
+        Self::Impedance,
+    ];
+
     /// The mode a number from shared memory stands for.
     pub fn from_raw(raw: u32) -> Option<Self> {
-        [Self::Braked, Self::Damping, Self::Torque, Self::Velocity]
+        Self::ALL.into_iter().find(|mode| *mode as u32 == raw)
+    }
+
+    /// Whether the drive obeys a set-point in it.
+    pub fn obeys(self) -> bool {
+        !matches!(self, Self::Braked | Self::Damping)
+    }
+}
+
+/// What the loop asks of the drives beside the mode.
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DriveRequest {
+    /// Nothing: the mode says it all.
+    #[default]
+    None = 0,
+    /// Get ready to obey, over as many cycles as it takes. Until every joint is enabled the set-points are where to hold.
+    Enable = 1,
+    /// Stop as fast as the drives can, then close the brakes. Goes with [`DriveMode::Braked`].
+    QuickStop = 2,
+    /// Clear the drives' faults. Stays as long as one is there; which edge a drive needs is its driver's business.
+    ResetFault = 3,
+}
+
+impl DriveRequest {
+    /// The request a number from shared memory stands for.
+    pub fn from_raw(raw: u32) -> Option<Self> {
+        [Self::None, Self::Enable, Self::QuickStop, Self::ResetFault]
             .into_iter()
-            .find(|mode| *mode as u32 == raw)
+            .find(|request| *request as u32 == raw)
     }
 }
 
@@ -172,12 +216,32 @@ pub struct DriveCommand {
     pub header: Header,
     /// A [`DriveMode`] as a number; anything else is refused by the drive.
     pub mode: u32,
-    /// Not used; zero.
-    pub reserved: u32,
-    /// Motor side; for [`DriveMode::Torque`].
+    /// A [`DriveRequest`] as a number; anything else is none.
+    pub request: u32,
+    /// Motor side; for [`DriveMode::Torque`], and added in [`DriveMode::Position`] and [`DriveMode::Impedance`].
     pub motor_torque_nm: PerJoint,
-    /// Joint side; for [`DriveMode::Velocity`].
+    /// Joint side; for [`DriveMode::Velocity`] and [`DriveMode::Impedance`].
     pub joint_velocity_rad_s: PerJoint,
+    /// The mode of each joint, where it differs from `mode`; see [`mode_of`](Self::mode_of).
+    pub joint_mode: NumberPerJoint,
+    /// Joint side; for [`DriveMode::Position`] and [`DriveMode::Impedance`].
+    pub joint_position_rad: PerJoint,
+    /// Part of the drive's own position gain, 0 to 1; for [`DriveMode::Impedance`].
+    pub position_gain_scale: PerJoint,
+    /// Part of the drive's own velocity gain, 0 to 1; for [`DriveMode::Impedance`].
+    pub velocity_gain_scale: PerJoint,
+}
+
+impl DriveCommand {
+    /// What a joint's drive shall do: `mode` where that is braking or damping, or where `joint_mode` is 0; otherwise the
+    /// joint's own. `None` for a number that is no mode.
+    pub fn mode_of(&self, joint: usize) -> Option<DriveMode> {
+        let mode = DriveMode::from_raw(self.mode)?;
+        match self.joint_mode.get(joint) {
+            Some(&own) if mode.obeys() && own != 0 => DriveMode::from_raw(own),
+            _ => Some(mode),
+        }
+    }
 }
 
 /// Drives to loop: what was measured, and how the drives are.
@@ -197,6 +261,10 @@ pub struct DriveSample {
     pub inputs: u32,
     /// Not used; zero.
     pub reserved: u32,
+    /// How each drive is.
+    pub drives: DriveReport,
+    /// How the bus is.
+    pub bus: BusReport,
 }
 
 /// Bit of [`DriveSample::inputs`]: the emergency stop is pressed.
@@ -451,6 +519,10 @@ pub struct LoopStatus {
     pub refused_commands: u64,
     /// What was sent to the drives, motor side.
     pub motor_torque_nm: PerJoint,
+    /// How each drive was, as its last sample had it.
+    pub drives: DriveReport,
+    /// How the bus was, as the last sample had it.
+    pub bus: BusReport,
 }
 
 /// Any process to the supervisor: I am alive.
@@ -557,18 +629,18 @@ pub struct PlantTruth {
 const _: () = {
     assert!(size_of::<Header>() == 32);
     assert!(size_of::<Readings>() == 8 * 128);
-    assert!(size_of::<DriveCommand>() == 296);
-    assert!(size_of::<DriveSample>() == 1072);
+    assert!(size_of::<DriveCommand>() == 296 + 64 + 3 * 128);
+    assert!(size_of::<DriveSample>() == 1072 + 640 + 40);
     assert!(size_of::<SensorSample>() == 1080);
     assert!(size_of::<Command>() == 936);
     assert!(size_of::<Estimates>() == 384);
     assert!(size_of::<ExternalTorque>() == 392);
     assert!(size_of::<TorqueEstimate>() == 32 + 7 * 384 + 392);
-    assert!(size_of::<LoopStatus>() == 32 + 8 + 9 * 8 + 128);
+    assert!(size_of::<LoopStatus>() == 240 + 640 + 40);
     assert!(size_of::<Heartbeat>() == 32);
     assert!(size_of::<Supervision>() == 24);
     assert!(size_of::<OperatorRequest>() == 16);
-    assert!(size_of::<LastCycle>() == 240 + 1080 + 936 + 16);
+    assert!(size_of::<LastCycle>() == 920 + 1080 + 936 + 16);
     assert!(size_of::<PlantTruth>() == 544);
 };
 
@@ -620,7 +692,8 @@ mod tests {
     fn numbers_that_are_no_state_are_not_read_as_one() {
         assert_eq!(LoopState::from_raw(2), Some(LoopState::Running));
         assert_eq!(LoopState::from_raw(7), None);
-        assert_eq!(DriveMode::from_raw(4), None);
+        assert_eq!(DriveMode::from_raw(6), None);
+        assert_eq!(DriveRequest::from_raw(4), None);
         assert_eq!(Validity::from_raw(2), Some(Validity::Valid));
         assert_eq!(Validity::from_raw(3), None);
         assert_eq!(OperatorOrder::from_raw(0), None);

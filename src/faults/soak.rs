@@ -44,6 +44,7 @@ const ZERO: [&str; 8] = [
     "refused_future_commands",
     "refused_unusable_commands",
     "drive_faults",
+    "unsent_commands",
 ];
 
 /// What one process held at a checkpoint.

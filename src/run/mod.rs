@@ -336,13 +336,9 @@ fn check_control(config: &RunConfig, robot: Robot, trajectory: Trajectory) -> Re
 /// # Errors
 /// [`CliError::Input`] with those there are.
 pub fn check_driver(driver: &str) -> Result<(), CliError> {
-    if rt_loop::process::DRIVERS.contains(&driver) {
-        return Ok(());
-    }
-    let known = rt_loop::process::DRIVERS.join(", ");
-    Err(CliError::Input(format!(
-        "unknown driver `{driver}`; known: {known}"
-    )))
+    rt_loop::process::find_driver(&rt_loop::process::DRIVERS, driver)
+        .map(drop)
+        .map_err(CliError::input)
 }
 
 /// The emulated arm must have the joints the controller knows.

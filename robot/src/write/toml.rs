@@ -28,6 +28,7 @@ impl Robot {
             tool_origin_rpy_rad: roll_pitch_yaw(&tool.rotation),
             shared_effects: self.shared_effects.clone(),
             control: self.control.clone(),
+            drive: self.drive.clone(),
             links: (0..links.len())
                 .map(|index| self.link_file(links, index))
                 .collect(),

@@ -16,6 +16,7 @@ enum Shown {
     Missing,
     Still,
     Damping,
+    Braked,
     SwitchPressed,
     RanAway,
 }
@@ -23,6 +24,8 @@ enum Shown {
 /// What a cycle brings.
 #[derive(Clone, Copy, Debug)]
 struct Brought {
+    /// Whether the command before was sent.
+    sent: bool,
     shown: Shown,
     command: Option<DriveMode>,
     orders: Orders,
@@ -93,6 +96,7 @@ fn everything() -> Vec<Brought> {
         Shown::Missing,
         Shown::Still,
         Shown::Damping,
+        Shown::Braked,
         Shown::SwitchPressed,
         Shown::RanAway,
     ];
@@ -109,7 +113,8 @@ fn everything() -> Vec<Brought> {
             if shown == Shown::Missing && command.is_some() {
                 continue;
             }
-            all.extend((0..8).map(|bits| Brought {
+            all.extend((0..16).map(|bits| Brought {
+                sent: bits & 8 == 0,
                 shown,
                 command,
                 orders: orders(bits),
@@ -129,6 +134,7 @@ fn step(config: &CycleConfig, state: &mut CycleState, cycle: u64, brought: Broug
         },
         mode: match brought.shown {
             Shown::Damping => DriveMode::Damping as u32,
+            Shown::Braked => DriveMode::Braked as u32,
             _ => DriveMode::Torque as u32,
         },
         inputs: match brought.shown {
@@ -157,6 +163,10 @@ fn step(config: &CycleConfig, state: &mut CycleState, cycle: u64, brought: Broug
         command: command.as_ref(),
         orders: brought.orders,
     };
+    state.written(match brought.sent {
+        true => Ok(()),
+        false => Err(DriveFault::NotSent),
+    });
     state.step(config, &input)
 }
 
@@ -171,7 +181,7 @@ fn check(
     let told = format!("{:?}, {brought:?}: {:?}", before.state, after.state);
     let sent = output.drive_command.mode;
     let obeys = sent == DriveMode::Torque as u32 || sent == DriveMode::Velocity as u32;
-    let fresh = brought.command.is_some();
+    let fresh = brought.command.is_some() && brought.sent;
     let asked_to_stop = brought.orders.emergency_stop
         || brought.orders.supervisor_silent
         || brought.shown == Shown::SwitchPressed;
@@ -187,6 +197,9 @@ fn check(
     if !obeys {
         assert_eq!(output.drive_command.motor_torque_nm, [0.0; JOINTS_MAX]);
         assert_eq!(output.drive_command.joint_velocity_rad_s, [0.0; JOINTS_MAX]);
+    }
+    if before.sending.must_show_motion() && brought.shown == Shown::Braked && fresh {
+        assert!(after.state.is_latched(), "{told}: the drives are off");
     }
     if asked_to_stop {
         assert!(after.state.is_latched(), "{told}: asked to stop");

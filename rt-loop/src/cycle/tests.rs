@@ -36,6 +36,7 @@ fn sample(position_rad: f64) -> DriveSample {
     };
     let mut sample = DriveSample {
         header,
+        mode: DriveMode::Torque as u32,
         ..DriveSample::default()
     };
     sample.readings.motor_position_rad[..2].fill(50.0 * position_rad);
@@ -390,6 +391,70 @@ fn drives_that_never_obey_again_end_the_run() {
     });
     assert_eq!(state.state, LoopState::SafeStop);
     assert!(end.unwrap() < 600, "{end:?}");
+}
+
+#[test]
+fn drives_that_are_off_while_torque_is_commanded_stop_the_run() {
+    let (still, hold) = (sample(0.0), command(1.0));
+    for mode in [DriveMode::Braked as u32, 99] {
+        let off = DriveSample { mode, ..still };
+        let mut state = CycleState::default();
+        for cycle in 0..10 {
+            run(&mut state, cycle, Ok(&still), Some(&hold));
+        }
+        let output = run(&mut state, 10, Ok(&off), Some(&hold));
+        assert_eq!(
+            (state.state, state.fault, output.drive_command.mode),
+            (
+                LoopState::SafeStop,
+                Some(Fault::DrivesOff),
+                DriveMode::Braked as u32
+            )
+        );
+    }
+    // Brakes that have just been told to open are seen as closed for a few samples more.
+    let off = DriveSample {
+        mode: DriveMode::Braked as u32,
+        ..still
+    };
+    let mut state = CycleState::default();
+    for cycle in 0..4 {
+        run(&mut state, cycle, Ok(&off), Some(&hold));
+        assert_eq!(state.state, LoopState::Running);
+    }
+}
+
+#[test]
+fn a_command_that_was_not_sent_is_as_if_none_had_come() {
+    let (still, hold) = (sample(0.0), command(1.0));
+    let mut state = CycleState::default();
+    for cycle in 0..10 {
+        run(&mut state, cycle, Ok(&still), Some(&hold));
+        state.written(Ok(()));
+    }
+    state.written(Err(DriveFault::NotSent));
+    run(&mut state, 10, Ok(&still), Some(&hold));
+    let told = Some(Fault::Drive(DriveFault::NotSent));
+    assert_eq!((state.state, state.fault), (LoopState::Holding, told));
+    state.written(Ok(()));
+    run(&mut state, 11, Ok(&still), Some(&hold));
+    assert_eq!(state.state, LoopState::Running);
+    let end = (12..30).find(|&cycle| {
+        state.written(Err(DriveFault::NotSent));
+        run(&mut state, cycle, Ok(&still), Some(&hold));
+        state.state.is_latched()
+    });
+    assert_eq!((end, state.state), (Some(19), LoopState::SafeStop));
+    // Drives that do not know the mode will not know it in the next cycle either.
+    let mut state = CycleState::default();
+    run(&mut state, 0, Ok(&still), Some(&hold));
+    let refused = DriveFault::ModeRefused { mode: 2 };
+    state.written(Err(refused));
+    run(&mut state, 1, Ok(&still), Some(&hold));
+    assert_eq!(
+        (state.state, state.fault),
+        (LoopState::SafeStop, Some(Fault::Drive(refused)))
+    );
 }
 
 #[test]
