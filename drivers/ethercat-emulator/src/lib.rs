@@ -36,8 +36,8 @@ mod setup;
 pub mod sii;
 pub mod slave;
 pub mod socket;
-pub mod wire;
 
+pub use ethercat_wire::frame as wire;
 pub use fault::{Fault, TimedFault};
 pub use segment::{Returned, Segment};
 pub use setup::{Options, PRODUCT, SetupError, VENDOR, segment};

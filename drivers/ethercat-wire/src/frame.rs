@@ -90,6 +90,21 @@ impl Datagram<'_> {
         Command::from_raw(self.header[0])
     }
 
+    /// The command as a number.
+    pub fn raw_command(&self) -> u8 {
+        self.header[0]
+    }
+
+    /// The master's number of it, which comes back unchanged.
+    pub fn index(&self) -> u8 {
+        self.header[1]
+    }
+
+    /// Changes it.
+    pub fn set_index(&mut self, index: u8) {
+        self.header[1] = index;
+    }
+
     /// Position or station address.
     pub fn station(&self) -> u16 {
         u16_at(self.header, 2)
