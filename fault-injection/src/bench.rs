@@ -107,7 +107,7 @@ impl Bench {
         let mut loop_ = FaultyLoop {
             config: &self.config,
             driver: FaultyDriver::new(
-                EmulatedDriver::new(plant, self.config.joint_count()),
+                EmulatedDriver::new(plant, &self.robot),
                 ratios.collect(),
                 scenario.drive.clone(),
             ),
@@ -202,13 +202,13 @@ struct EmulatedDriver {
 }
 
 impl EmulatedDriver {
-    fn new(plant: Plant, joint_count: usize) -> Self {
-        let mut drives = EmulatedDrives::new(plant, SESSION, joint_count);
+    fn new(plant: Plant, robot: &Robot) -> Self {
+        let mut drives = EmulatedDrives::new(plant, SESSION, robot, PERIOD_NS);
         // The loop's first command tells its clock, and keeps the brakes closed.
         drives.take(DriveCommand {
             header: Header {
                 session: SESSION,
-                joint_count: joint_count as u64,
+                joint_count: robot.joints.len() as u64,
                 ..Header::default()
             },
             ..DriveCommand::default()

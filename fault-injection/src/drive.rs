@@ -2,6 +2,7 @@
 
 use rt_loop::driver::{Capabilities, DriveFault, Driver};
 use shm_types::JOINTS_MAX;
+use shm_types::drive::DriveState;
 use shm_types::messages::{DriveCommand, DriveSample, EMERGENCY_STOP_PRESSED};
 
 use crate::Window;
@@ -49,6 +50,32 @@ pub enum DriveDisturbance {
     EmergencyStopPressed,
     /// The loop's frame does not reach the drives.
     CommandLost,
+    /// The loop's frame cannot be sent.
+    CommandNotSent,
+    /// Nothing comes from one joint's drive: its readings stay and grow old.
+    JointSilent {
+        /// The joint.
+        joint: usize,
+    },
+    /// A drive is faulted.
+    DriveFaulted {
+        /// The joint.
+        joint: usize,
+        /// The drive's number for it.
+        code: u32,
+    },
+    /// A drive is switched off, as after a short loss of its supply.
+    DriveOff {
+        /// The joint.
+        joint: usize,
+    },
+    /// A device leaves the state in which it exchanges.
+    DeviceLeft {
+        /// The joint.
+        joint: usize,
+        /// AL status in the low half, AL status code in the high one.
+        status: u32,
+    },
 }
 
 /// Frames kept for those that come late.
@@ -64,6 +91,7 @@ pub struct FaultyDriver<D> {
     /// What the drives sent, newest first.
     sent: [Option<DriveSample>; KEPT],
     stuck_at_rad: [Option<f64>; JOINTS_MAX],
+    silent_cycles: [u32; JOINTS_MAX],
     cycle: u64,
 }
 
@@ -76,6 +104,7 @@ impl<D: Driver> FaultyDriver<D> {
             gear_ratios,
             sent: [None; KEPT],
             stuck_at_rad: [None; JOINTS_MAX],
+            silent_cycles: [0; JOINTS_MAX],
             cycle: 0,
         }
     }
@@ -111,7 +140,24 @@ impl<D: Driver> FaultyDriver<D> {
             }
             DriveDisturbance::FutureCycle => sample.header.cycle = u64::MAX,
             DriveDisturbance::EmergencyStopPressed => sample.inputs |= EMERGENCY_STOP_PRESSED,
-            DriveDisturbance::CommandLost => (),
+            DriveDisturbance::CommandLost | DriveDisturbance::CommandNotSent => (),
+            DriveDisturbance::JointSilent { joint } => {
+                let age = &mut self.silent_cycles[joint];
+                *age += 1;
+                sample.drives.age_cycles[joint] = *age;
+                positions_rad[joint] =
+                    *self.stuck_at_rad[joint].get_or_insert(positions_rad[joint]);
+            }
+            DriveDisturbance::DriveFaulted { joint, code } => {
+                sample.drives.state[joint] = DriveState::Fault as u32;
+                sample.drives.error_code[joint] = code;
+            }
+            DriveDisturbance::DriveOff { joint } => {
+                sample.drives.state[joint] = DriveState::SwitchedOff as u32;
+            }
+            DriveDisturbance::DeviceLeft { joint, status } => {
+                sample.drives.device_status[joint] = status;
+            }
         }
         Ok(())
     }
@@ -142,10 +188,14 @@ impl<D: Driver> Driver for FaultyDriver<D> {
     }
 
     fn write(&mut self, command: &DriveCommand) -> Result<(), DriveFault> {
-        let lost = self.faults.iter().any(|(window, disturbance)| {
-            *disturbance == DriveDisturbance::CommandLost && window.holds(self.cycle)
-        });
-        if lost {
+        let happens = |wanted| {
+            let mut faults = self.faults.iter();
+            faults.any(|(window, disturbance)| *disturbance == wanted && window.holds(self.cycle))
+        };
+        if happens(DriveDisturbance::CommandNotSent) {
+            return Err(DriveFault::NotSent);
+        }
+        if happens(DriveDisturbance::CommandLost) {
             return Ok(());
         }
         self.inner.write(command)

@@ -393,7 +393,7 @@ proptest! {
     fn the_drives_survive_any_command(seed in anything()) {
         let mut any = Anything(Pcg32::new(seed, 0));
         let plant = emulated_plant(&shd17(), &run(ControlOptions::default()), &[]).expect("a plant");
-        let mut drives = EmulatedDrives::new(plant, SESSION, 1);
+        let mut drives = EmulatedDrives::new(plant, SESSION, &shd17(), PERIOD_NS);
         for _ in 0..MESSAGES {
             drives.take(any.drive_command());
             for _ in 0..20 {

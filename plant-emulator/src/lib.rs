@@ -42,6 +42,7 @@
 //! period, the sensors latch at its end.
 #![forbid(unsafe_code)]
 
+mod cia402;
 mod deviation;
 mod disturbance;
 pub mod drives;

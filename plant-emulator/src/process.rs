@@ -47,18 +47,20 @@ pub enum EmulatorError {
 pub fn run(instance: &Instance, stop: &AtomicBool) -> Result<(), EmulatorError> {
     let run = instance.run_config()?;
     let robot = robot::load(run.plant.as_ref().unwrap_or(&run.robot))?;
-    let (injections, pushes) = match &run.inject {
+    let (injections, pushes, drive_faults) = match &run.inject {
         Some(path) => (
             robot::load_injection(path, &robot)?,
             robot::load_pushes(path, &robot)?,
+            robot::load_drive_faults(path, &robot)?,
         ),
-        None => (Vec::new(), Vec::new()),
+        None => (Vec::new(), Vec::new(), Vec::new()),
     };
     let plant = emulated_plant(&robot, &run, &injections)?.with_pushes(pushes);
     let bus = Bus::join(instance)?;
     let mut emulator = Emulator {
         joint_count: robot.joints.len(),
-        drives: EmulatedDrives::new(plant, run.session, robot.joints.len()),
+        drives: EmulatedDrives::new(plant, run.session, &robot, run.period_ns)
+            .with_faults(drive_faults),
         command: bus.reader(&topics::DRIVE_COMMAND)?,
         command_ready: bus.listener(&topics::DRIVE_COMMAND_READY, run.recheck_ns(RECHECK_NS))?,
         sample: bus.writer(&topics::DRIVE_SAMPLE)?,

@@ -23,6 +23,8 @@ pub struct PlantCommand {
     pub fresh: bool,
     /// What to do.
     pub mode: PlantMode,
+    /// What a joint's drive does instead.
+    pub joint_mode: [Option<PlantMode>; JOINTS_MAX],
     /// Used in torque mode; motor side.
     pub motor_torque_nm: [f64; JOINTS_MAX],
     /// Used in velocity mode; joint side.
@@ -35,6 +37,7 @@ impl Default for PlantCommand {
         Self {
             fresh: true,
             mode: PlantMode::Braked,
+            joint_mode: [None; JOINTS_MAX],
             motor_torque_nm: [0.0; JOINTS_MAX],
             joint_velocity_rad_s: [0.0; JOINTS_MAX],
         }
@@ -45,7 +48,7 @@ impl PlantCommand {
     /// What it asks of each joint.
     pub(crate) fn joints(&self) -> [JointCommand; JOINTS_MAX] {
         core::array::from_fn(|joint| JointCommand {
-            mode: self.mode,
+            mode: self.joint_mode[joint].unwrap_or(self.mode),
             motor_torque_nm: self.motor_torque_nm[joint],
             joint_velocity_rad_s: self.joint_velocity_rad_s[joint],
         })

@@ -132,6 +132,27 @@ pub fn joint(place: &Place, joint: &RobotJoint) -> Result<(), RobotError> {
         joint.velocity_limit_rad_s,
         Must::BePositive,
     )?;
+    optional(
+        place,
+        "standstill_limit_rad",
+        joint.standstill_limit_rad,
+        Must::BePositive,
+    )?;
+    optional(
+        place,
+        "following_limit_rad",
+        joint.following_limit_rad,
+        Must::BePositive,
+    )?;
+    if let Some(brake) = joint.brake {
+        number(
+            place,
+            "brake.release_s",
+            brake.release_s,
+            Must::NotBeNegative,
+        )?;
+        number(place, "brake.engage_s", brake.engage_s, Must::NotBeNegative)?;
+    }
     if let Some([low, high]) = joint.position_limit_rad {
         numbers(place, "position_limit_rad", &[low, high], Must::BeFinite)?;
         if low >= high {

@@ -6,6 +6,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use crate::check::{self, Must};
+use crate::drive_fault::DriveFaultEntry;
 use crate::error::{Place, RobotError};
 use crate::parse::{explain, parse};
 use crate::push::PushEntry;
@@ -31,6 +32,8 @@ pub(crate) struct InjectionFile {
     effects: Vec<toml::Table>,
     #[serde(default, rename = "push")]
     pub pushes: Vec<PushEntry>,
+    #[serde(default, rename = "drive_fault")]
+    pub drive_faults: Vec<DriveFaultEntry>,
 }
 
 /// Reads the effects of an injection file: `[[effect]]` tables with `joint`, `effect`, its parameters, and `start_s`
@@ -65,8 +68,12 @@ pub fn parse_injection(
     file: &str,
     robot: &Robot,
 ) -> Result<Vec<Injection>, RobotError> {
-    let InjectionFile { effects, pushes } = parse(text, file)?;
-    if effects.is_empty() && pushes.is_empty() {
+    let InjectionFile {
+        effects,
+        pushes,
+        drive_faults,
+    } = parse(text, file)?;
+    if effects.is_empty() && pushes.is_empty() && drive_faults.is_empty() {
         return Err(Place::new(file, "top level").invalid("no [[effect]] table found, add one"));
     }
     effects

@@ -6,7 +6,8 @@ use std::sync::LazyLock;
 
 use proptest::prelude::*;
 use robot::{
-    Effect, Robot, RobotFile, Simulator, SimulatorFile, Source, load, load_pushes, parse_injection,
+    Effect, Robot, RobotFile, Simulator, SimulatorFile, Source, load, load_drive_faults,
+    load_pushes, parse_injection,
 };
 use tempfile::TempDir;
 
@@ -147,6 +148,9 @@ proptest! {
     fn mangled_pushes(wounds in wounds()) {
         let path = folder().join("push.toml");
         std::fs::write(&path, mangle(INJECTION, &wounds)).unwrap();
+        if let Err(error) = load_drive_faults(&path, &SHD17) {
+            assert_eq!(error.to_string().lines().count(), 1, "{error}");
+        }
         if let Err(error) = load_pushes(&path, &SHD17) {
             prop_assert!(!error.to_string().contains('\n'), "{error}");
         }

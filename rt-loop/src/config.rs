@@ -13,6 +13,12 @@ const DAMPING_NS: u64 = 100_000_000;
 /// For so long after that the brakes are closed and a command still goes on: enough for a service to be started again.
 const WAITING_NS: u64 = 2_900_000_000;
 
+/// Drives that are ready must be enabled in this time. CiA 402 drives need three exchanges and their brake's release, up to some
+/// tenths of a second; the rest is for a bus that loses frames.
+const ENABLING_NS: u64 = 3_000_000_000;
+/// For so long after the operator's reset drives are asked to clear their faults.
+const RESET_NS: u64 = 1_000_000_000;
+
 /// What the cycle needs to know of a run of this robot.
 pub fn cycle_config(run: &RunConfig, robot: &Robot) -> CycleConfig {
     let joints = (0..robot.joints.len())
@@ -32,6 +38,8 @@ pub fn cycle_config(run: &RunConfig, robot: &Robot) -> CycleConfig {
         hold_cycles: cycles(HOLD_NS),
         damping_cycles: cycles(DAMPING_NS),
         waiting_cycles: cycles(WAITING_NS),
+        enabling_cycles: cycles(ENABLING_NS),
+        reset_cycles: cycles(RESET_NS),
     }
 }
 
@@ -43,6 +51,12 @@ const FULL_TORQUE_TIME_S: f64 = 0.01;
 const FULL_VELOCITY_TIME_S: f64 = 0.1;
 /// Without a velocity limit in the robot file.
 const NO_VELOCITY_LIMIT_RAD_S: f64 = 1e3;
+
+/// Without a `standstill_limit_rad` in the robot file. Assumed: low gains let a joint stick for a while, but its motor twists the
+/// gear, and the encoder shows that.
+const STANDSTILL_RAD: f64 = 0.05;
+/// Without a `following_limit_rad` in the robot file. Assumed: low gains without a model let a joint sag by much, not by that.
+const FOLLOWING_RAD: f64 = 1.0;
 
 fn joint_limits(robot: &Robot, index: usize) -> JointLimits {
     let joint = &robot.joints[index];
@@ -66,6 +80,8 @@ fn joint_limits(robot: &Robot, index: usize) -> JointLimits {
         velocity_rad_s,
         acceleration_rad_s2: velocity_rad_s / FULL_VELOCITY_TIME_S,
         damping_nm_s_rad,
+        standstill_rad: joint.standstill_limit_rad.unwrap_or(STANDSTILL_RAD),
+        following_rad: joint.following_limit_rad.unwrap_or(FOLLOWING_RAD),
     }
 }
 

@@ -5,10 +5,10 @@
 //! torque is held for [`CycleConfig::hold_cycles`], then the joints are damped without any model for
 //! [`CycleConfig::damping_cycles`], then the brakes wait for [`CycleConfig::waiting_cycles`], and then the loop stops.
 
-use shm_types::drive::{BusReport, DriveReport};
+use shm_types::drive::{BusReport, DriveReport, DriveState, bus_fault};
 use shm_types::messages::{
-    Command, DriveCommand, DriveMode, DriveSample, EMERGENCY_STOP_PRESSED, Header, LoopState,
-    SensorSample,
+    Command, DriveCommand, DriveMode, DriveRequest, DriveSample, EMERGENCY_STOP_PRESSED, Header,
+    LoopState, SensorSample,
 };
 
 use crate::driver::{AGE_MAX_CYCLES, DriveFault};
@@ -37,6 +37,10 @@ pub struct CycleConfig {
     pub damping_cycles: u64,
     /// Cycles after that in which a command still goes on, before the safe stop.
     pub waiting_cycles: u64,
+    /// Cycles in which drives that are ready must be enabled.
+    pub enabling_cycles: u64,
+    /// Cycles for which drives are asked to clear their faults, after the operator's reset.
+    pub reset_cycles: u64,
 }
 
 impl CycleConfig {
@@ -77,6 +81,10 @@ pub struct CycleState {
     acknowledgements: u32,
     /// As the drives' last sample had it: where none comes, nobody has let go of the switch.
     emergency_stop_pressed: bool,
+    /// Cycles in a row in which the drives were on their way to being enabled.
+    enabling_cycles: u64,
+    /// Cycles for which the drives are still asked to clear their faults.
+    resetting_cycles: u64,
     /// Why the last command was not handed to the drives.
     unsent: Option<DriveFault>,
     /// How each drive was, as the last sample had it.
@@ -181,6 +189,10 @@ impl CycleState {
         self.observe(config, input);
         let event = self.event(config, input);
         self.state = next(self.state, event);
+        self.enabling_cycles = match self.state {
+            LoopState::Enabling => self.enabling_cycles + 1,
+            _ => 0,
+        };
         self.clock.enter(config, self.state);
         let limited_joints = self.send(config, input);
         CycleOutput {
@@ -206,10 +218,12 @@ impl CycleState {
     fn event(&mut self, config: &CycleConfig, input: &CycleInput<'_>) -> Event {
         let (event, fault) = self.classify(config, input);
         match event {
-            Event::Fresh | Event::Reset => self.cycles_without_command = 0,
+            Event::Fresh | Event::Reset | Event::DrivesNotReady | Event::DrivesNotEnabled => {
+                self.cycles_without_command = 0;
+            }
             _ if self.state.is_latched() => (),
             Event::Broken | Event::Stop => self.fault = fault,
-            _ if self.state > LoopState::Ready => {
+            _ if self.state.has_begun() => {
                 self.cycles_without_command += 1;
                 self.fault = fault;
             }
@@ -224,10 +238,16 @@ impl CycleState {
             return (Event::Broken, Some(fault));
         }
         if let Some(fault) = self.asked_to_stop(input.orders) {
+            self.resetting_cycles = 0;
             return (Event::Stop, Some(fault));
         }
-        if self.state == LoopState::SafeStop && input.orders.reset && input.sample.is_ok() {
-            return (Event::Reset, None);
+        if let Ok(sample) = input.sample {
+            if self.is_reset(config, input.orders, &sample.drives) {
+                return (Event::Reset, None);
+            }
+            if let Some(fault) = self.drive_fault(config, sample) {
+                return (Event::Stop, Some(Fault::Drive(fault)));
+            }
         }
         let missing = |for_a_moment| match self.cycles_without_command + 1 {
             missed if missed <= config.hold_cycles => for_a_moment,
@@ -242,12 +262,104 @@ impl CycleState {
             (Err(fault), _) if fault.is_latched() => (Event::Stop, Some(Fault::Drive(fault))),
             (Err(fault), _) => (missing(Event::SampleMissing), Some(Fault::Drive(fault))),
             (Ok(_), None) => (missing(Event::CommandMissing), Some(Fault::CommandMissing)),
-            (Ok(sample), Some(_)) => self.answered(sample),
+            (Ok(sample), Some(_)) => match self.not_enabled(config, &sample.drives) {
+                Some(event) => (event, None),
+                None => self.answered(config, sample),
+            },
         }
     }
 
-    fn answered(&mut self, sample: &DriveSample) -> (Event, Option<Fault>) {
-        let shown = DriveMode::from_raw(sample.mode);
+    /// Whether the safe stop is left: the operator has asked for it, and no drive is faulted, or is any more. Drives that are
+    /// get their time to clear.
+    fn is_reset(&mut self, config: &CycleConfig, orders: Orders, drives: &DriveReport) -> bool {
+        if self.state != LoopState::SafeStop {
+            self.resetting_cycles = 0;
+            return false;
+        }
+        if orders.reset {
+            self.resetting_cycles = config.reset_cycles;
+        }
+        let asked = self.resetting_cycles > 0;
+        self.resetting_cycles = self.resetting_cycles.saturating_sub(1);
+        let faulted = drives.find(config.joint_count(), DriveState::is_faulted);
+        let is_reset = asked && faulted.is_none();
+        if is_reset {
+            self.resetting_cycles = 0;
+        }
+        is_reset
+    }
+
+    /// What the drives tell that nothing but a stop answers.
+    fn drive_fault(&self, config: &CycleConfig, sample: &DriveSample) -> Option<DriveFault> {
+        let (drives, joints) = (&sample.drives, config.joint_count());
+        if let Some(joint) = drives.find(joints, DriveState::is_faulted) {
+            return Some(DriveFault::DriveError {
+                joint: joint as u32,
+                code: drives.error_code[joint],
+            });
+        }
+        if sample.bus.faults & bus_fault::BUS_OFF != 0 {
+            return Some(DriveFault::BusOff);
+        }
+        if !self.state.has_begun() {
+            return None;
+        }
+        let gone = drives.device_status[..joints]
+            .iter()
+            .position(|&status| status != 0);
+        if let Some(joint) = gone {
+            return Some(DriveFault::DeviceState {
+                joint: joint as u32,
+                al_status: drives.device_status[joint] as u16,
+                al_status_code: (drives.device_status[joint] >> 16) as u16,
+            });
+        }
+        let off = |state| match self.state {
+            LoopState::Running | LoopState::Holding => matches!(
+                state,
+                DriveState::NotReady | DriveState::SwitchedOff | DriveState::Enabling
+            ),
+            LoopState::Damping => state == DriveState::NotReady,
+            _ => false,
+        };
+        if let Some(joint) = drives.find(joints, off) {
+            return Some(DriveFault::DriveOff {
+                joint: joint as u32,
+                state: drives.state_of(joint),
+            });
+        }
+        if self.enabling_cycles <= config.enabling_cycles {
+            return None;
+        }
+        let joint = drives.find(joints, is_off)?;
+        Some(DriveFault::NotEnabled {
+            joint: joint as u32,
+            state: drives.state_of(joint),
+            status_word: drives.status_word[joint],
+        })
+    }
+
+    /// What has to be waited for before drives that tell their state obey a command.
+    fn not_enabled(&self, config: &CycleConfig, drives: &DriveReport) -> Option<Event> {
+        let any = |wanted: fn(DriveState) -> bool| drives.find(config.joint_count(), wanted);
+        if any(|state| state == DriveState::NotReady).is_some() {
+            return Some(Event::DrivesNotReady);
+        }
+        let stopped = any(|state| state == DriveState::QuickStop).is_some();
+        if stopped && matches!(self.state, LoopState::Running | LoopState::Holding) {
+            return None;
+        }
+        let told = any(|state| state != DriveState::Unknown).is_some();
+        let wait = any(is_off).is_some() || (told && self.sending.may_show_older());
+        wait.then_some(Event::DrivesNotEnabled)
+    }
+
+    fn answered(&mut self, config: &CycleConfig, sample: &DriveSample) -> (Event, Option<Fault>) {
+        let is_stopped = |state| state == DriveState::QuickStop;
+        let shown = match sample.drives.find(config.joint_count(), is_stopped) {
+            Some(_) => Some(DriveMode::Damping),
+            None => DriveMode::from_raw(sample.mode),
+        };
         let obeying = shown.is_some_and(DriveMode::obeys);
         if obeying || !self.sending.must_show_motion() {
             if obeying {
@@ -280,7 +392,7 @@ impl CycleState {
     fn broken_joint(&self, config: &CycleConfig) -> Option<Fault> {
         if !matches!(
             self.state,
-            LoopState::Running | LoopState::Holding | LoopState::Damping
+            LoopState::Enabling | LoopState::Running | LoopState::Holding | LoopState::Damping
         ) {
             return None;
         }
@@ -298,7 +410,7 @@ impl CycleState {
             .iter()
             .enumerate()
             .find_map(runs_away)
-            .or_else(|| self.reference_watch.fault())
+            .or_else(|| self.reference_watch.fault(config))
     }
 
     fn has_damped(&self, config: &CycleConfig) -> bool {
@@ -309,8 +421,12 @@ impl CycleState {
     fn send(&mut self, config: &CycleConfig, input: &CycleInput<'_>) -> u64 {
         let motions = self.motions.motions();
         match (self.state, input.command) {
-            (LoopState::Running, Some(command)) => self.sending.obey(config, &motions, command),
-            (LoopState::Running | LoopState::Holding, _) => self.sending.hold(config, &motions),
+            (LoopState::Enabling | LoopState::Running, Some(command)) => {
+                self.sending.obey(config, &motions, command)
+            }
+            (LoopState::Enabling | LoopState::Running | LoopState::Holding, _) => {
+                self.sending.hold(config, &motions)
+            }
             (LoopState::Damping, _) if self.has_damped(config) => {
                 self.sending.brake();
                 0
@@ -329,6 +445,15 @@ impl CycleState {
         }
     }
 
+    fn request(&self) -> DriveRequest {
+        match self.state {
+            LoopState::Enabling => DriveRequest::Enable,
+            LoopState::SafeStop if self.resetting_cycles > 0 => DriveRequest::ResetFault,
+            LoopState::SafeStop | LoopState::Faulted => DriveRequest::QuickStop,
+            _ => DriveRequest::None,
+        }
+    }
+
     fn drive_command(&self, config: &CycleConfig, input: &CycleInput<'_>) -> DriveCommand {
         DriveCommand {
             header: Header {
@@ -338,11 +463,17 @@ impl CycleState {
                 joint_count: config.joint_count() as u64,
             },
             mode: self.sending.mode as u32,
+            request: self.request() as u32,
             motor_torque_nm: self.sending.torque_nm,
             joint_velocity_rad_s: self.sending.velocity_rad_s,
             ..DriveCommand::default()
         }
     }
+}
+
+/// Whether a drive that tells its state does not obey.
+fn is_off(state: DriveState) -> bool {
+    !matches!(state, DriveState::Unknown | DriveState::Enabled)
 }
 
 #[cfg(test)]

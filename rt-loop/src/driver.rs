@@ -48,8 +48,8 @@
 //! A drive with a fault of its own, and one that is no longer enabled while it should obey, are a safe stop at once, with the
 //! joint and its code. A joint whose readings are older than [`AGE_MAX_CYCLES`], an exchange that failed and a command that was not
 //! sent are "nothing fresh": held, then damped, then braked, and the run goes on where it comes back in time. A
-//! [latched](DriveFault::is_latched) fault is a safe stop. Warnings stop nothing. A drive that is not enabled within ten seconds
-//! is a safe stop. Motion begins when every drive is enabled.
+//! [latched](DriveFault::is_latched) fault is a safe stop. Warnings stop nothing. A drive that is not enabled within three seconds,
+//! once all are ready, is a safe stop. Motion begins when every drive is enabled.
 //!
 //! ```
 //! use std::time::Duration;
@@ -137,8 +137,8 @@ use shm_types::messages::{DriveCommand, DriveSample};
 
 pub use crate::capabilities::{Brake, Capabilities, JointCapabilities, Mismatch};
 
-/// Readings of a joint may be so old and still count: the motion is seen through as many repeated samples (`joint_motion`).
-pub const AGE_MAX_CYCLES: u32 = 4;
+/// Readings of a joint may be so old and still count: its motion is seen through as many repeated samples (`joint_motion`).
+pub const AGE_MAX_CYCLES: u32 = 7;
 
 /// What keeps a driver from exchanging, or a drive from obeying.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -24,6 +24,10 @@ pub struct JointLimits {
     pub acceleration_rad_s2: f64,
     /// Joint side: brakes a joint beyond its limits, and all joints when commands stop.
     pub damping_nm_s_rad: f64,
+    /// Joint side: a reference may go this far before the joint must have moved by one step of its encoder.
+    pub standstill_rad: f64,
+    /// Joint side: a joint this far from its reference does not follow it.
+    pub following_rad: f64,
 }
 
 /// Motion of one joint, joint side.
@@ -188,6 +192,8 @@ mod tests {
         velocity_rad_s: 0.5,
         acceleration_rad_s2: 5.0,
         damping_nm_s_rad: 50.0,
+        standstill_rad: 0.05,
+        following_rad: 1.0,
     };
     const STILL: JointMotion = JointMotion {
         position_rad: 0.0,
@@ -292,6 +298,8 @@ mod tests {
                 velocity_rad_s: values[5],
                 acceleration_rad_s2: values[6],
                 damping_nm_s_rad: values[7],
+                standstill_rad: 0.05,
+                following_rad: 1.0,
             };
             let motion = JointMotion { position_rad: other[0], velocity_rad_s: other[1] };
             prop_assert!(!limits.allowed_torque_nm(other[2], other[3], motion, PERIOD_S).is_nan());

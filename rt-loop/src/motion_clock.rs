@@ -54,7 +54,10 @@ impl MotionClock {
         match state {
             LoopState::Damping | LoopState::SafeStop | LoopState::Faulted => self.rate = 0.0,
             LoopState::Running => self.rate = (self.rate + config.period_s() / RAMP_S).min(1.0),
-            LoopState::Initialising | LoopState::Ready | LoopState::Holding => (),
+            LoopState::Initialising
+            | LoopState::Ready
+            | LoopState::Enabling
+            | LoopState::Holding => (),
         }
     }
 }

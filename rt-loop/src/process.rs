@@ -332,7 +332,7 @@ impl<D: Driver> Loop<D> {
             sample_came: sample.is_ok(),
             command_came: command.is_some(),
             was_running,
-            started: self.state.state > LoopState::Ready,
+            started: self.state.state.has_begun(),
             cycles_without_command: self.state.cycles_without_command,
             limited_joints: output.limited_joints,
         };

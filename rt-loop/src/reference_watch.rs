@@ -9,12 +9,7 @@ use shm_types::messages::{Command, PerJoint};
 use crate::cycle::CycleConfig;
 use crate::fault::Fault;
 use crate::joint_motion::JointMotions;
-
-/// A reference may go this far before a joint must have moved by one step of its encoder. Assumed: low gains let a joint stick
-/// for a while, but its motor twists the gear, and the encoder shows that.
-pub const STUCK_REFERENCE_RAD: f64 = 0.05;
-/// A joint this far from its reference does not follow it. Assumed: low gains without a model let it sag by much, not by that.
-pub const ASTRAY_RAD: f64 = 1.0;
+use crate::limits::JointLimits;
 
 /// How far each reference has gone since the joint last moved, and how far the joint is from it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -53,15 +48,18 @@ impl ReferenceWatch {
     }
 
     /// The first joint that does not follow.
-    pub fn fault(&self) -> Option<Fault> {
-        let first = |values: &PerJoint, limit| values.iter().position(|&value| value > limit);
-        if let Some(joint) = first(&self.gone_rad, STUCK_REFERENCE_RAD) {
+    pub fn fault(&self, config: &CycleConfig) -> Option<Fault> {
+        let first = |values: &PerJoint, limit: fn(&JointLimits) -> f64| {
+            let mut joints = values.iter().zip(&config.joints);
+            joints.position(|(&value, joint)| value > limit(joint))
+        };
+        if let Some(joint) = first(&self.gone_rad, |joint| joint.standstill_rad) {
             return Some(Fault::Stuck {
                 joint: joint as u32,
                 reference_rad: self.gone_rad[joint],
             });
         }
-        first(&self.away_rad, ASTRAY_RAD).map(|joint| Fault::Astray {
+        first(&self.away_rad, |joint| joint.following_rad).map(|joint| Fault::Astray {
             joint: joint as u32,
             away_rad: self.away_rad[joint],
         })

@@ -22,6 +22,8 @@ pub struct Sending {
     held_mode: DriveMode,
     /// Cycles in a row in which the drives were sent a torque or a velocity.
     moving_cycles: u64,
+    /// Cycles since the brakes were last told to close.
+    unbraked_cycles: u64,
 }
 
 impl Default for Sending {
@@ -32,6 +34,7 @@ impl Default for Sending {
             velocity_rad_s: [0.0; JOINTS_MAX],
             held_mode: DriveMode::Torque,
             moving_cycles: 0,
+            unbraked_cycles: 0,
         }
     }
 }
@@ -40,6 +43,17 @@ impl Sending {
     /// Whether the drives have been sent torque or velocity for so long that their samples must show it.
     pub fn must_show_motion(&self) -> bool {
         self.moving_cycles > DRIVE_ANSWER_CYCLES
+    }
+
+    /// Whether samples can still show the drives as they were before their brakes were told to close.
+    pub fn may_show_older(&self) -> bool {
+        self.unbraked_cycles <= DRIVE_ANSWER_CYCLES
+    }
+
+    /// Cycles since the brakes were last told to close.
+    #[cfg(test)]
+    pub fn unbraked_cycles(&self) -> u64 {
+        self.unbraked_cycles
     }
 
     /// Cycles in a row in which the drives were sent a torque or a velocity.
@@ -146,6 +160,7 @@ impl Sending {
 
     fn enter(&mut self, mode: DriveMode) {
         self.mode = mode;
+        self.unbraked_cycles += 1;
         self.moving_cycles = match mode.obeys() {
             true => self.moving_cycles + 1,
             false => 0,

@@ -1,12 +1,12 @@
 //! Which state follows which: a table, and how what happened in a cycle is sorted into its columns.
 //!
 //! ```text
-//! Initialising ──sample──► Ready ──command──► Running ◄──command── Holding ◄─┐
-//!                            ▲                  │ ▲                  │       │
-//!                            │                  │ └────command── Damping     │
-//!                          reset                └── nothing fresh ──────────►┘ → Damping ─┐
-//!                            └─────────────────────────────────────────────── SafeStop ◄─┘
-//! any state ── emergency stop, silent supervisor ──► SafeStop (latched until reset)
+//! Initialising ──sample──► Ready ──command──► Enabling ──drives enabled──► Running ◄──command── Holding ◄─┐
+//!                            ▲                   ▲                           │ ▲                  │       │
+//!                            │                   └─── drives are off ─────── │ └────command── Damping     │
+//!                          reset                     and a command comes     └── nothing fresh ──────────►┘ → Damping ─┐
+//!                            └──────────────────────────────────────────────────────────────────────────── SafeStop ◄─┘
+//! any state ── emergency stop, silent supervisor, drive fault ──► SafeStop (latched until reset)
 //! any state ── a joint ran away or does not follow ──► Faulted (latched until the next start)
 //! ```
 
@@ -23,7 +23,11 @@ pub enum Event {
     Reset,
     /// Sample and command came, but the drives damp although a torque should have reached them by now.
     DrivesStopped,
-    /// Sample and command came.
+    /// Sample and command came, but a drive is still starting up.
+    DrivesNotReady,
+    /// Sample and command came, but not every drive is enabled.
+    DrivesNotEnabled,
+    /// Sample and command came, and the drives obey.
     Fresh,
     /// Only a sample came, for no longer than the last command may be held.
     CommandMissing,
@@ -37,11 +41,13 @@ pub enum Event {
 
 impl Event {
     /// Every event.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 11] = [
         Self::Broken,
         Self::Stop,
         Self::Reset,
         Self::DrivesStopped,
+        Self::DrivesNotReady,
+        Self::DrivesNotEnabled,
         Self::Fresh,
         Self::CommandMissing,
         Self::SampleMissing,
@@ -52,17 +58,26 @@ impl Event {
 
 /// The state after `event` in `state`. The whole state machine; docs/reliability.md has it as a table.
 pub const fn next(state: LoopState, event: Event) -> LoopState {
-    use LoopState::{Damping, Faulted, Holding, Initialising, Ready, Running, SafeStop};
+    use LoopState::{Damping, Enabling, Faulted, Holding, Initialising, Ready, Running, SafeStop};
     match (state, event) {
         (Faulted, _) | (_, Event::Broken) => Faulted,
         (SafeStop, Event::Reset) => Ready,
         (SafeStop, _) | (_, Event::Stop) => SafeStop,
         // Nobody waits for a reset here.
         (state, Event::Reset) => state,
-        (Initialising, Event::CommandMissing) => Ready,
-        (Initialising | Ready | Running | Holding | Damping, Event::Fresh) => Running,
+        (Initialising, Event::CommandMissing | Event::DrivesNotReady) => Ready,
+        (Initialising | Ready | Enabling | Damping, Event::DrivesNotEnabled) => Enabling,
+        (Initialising | Ready | Enabling | Running | Holding | Damping, Event::Fresh) => Running,
         // Before the first command nothing moves, and nothing can be missed.
         (Initialising | Ready, _) => state,
+        (Enabling, Event::CommandMissing | Event::SampleMissing) => Enabling,
+        (Enabling, Event::DrivesStopped) => Damping,
+        // Nothing moves yet: the brakes close, and the next command begins anew.
+        (Enabling, Event::DrivesNotReady | Event::MissingForLonger | Event::MissingForTooLong) => {
+            Ready
+        }
+        (Running | Holding | Damping, Event::DrivesNotReady) => Damping,
+        (Running | Holding, Event::DrivesNotEnabled) => Damping,
         (Running | Holding, Event::CommandMissing | Event::SampleMissing) => Holding,
         (Damping, Event::CommandMissing | Event::SampleMissing) => Damping,
         (Running | Holding | Damping, Event::DrivesStopped | Event::MissingForLonger) => Damping,
@@ -76,59 +91,20 @@ mod tests {
     use Event::*;
 
     /// The table of docs/reliability.md: a row for every state, columns as [`Event::ALL`].
-    const TABLE: [(LoopState, [LoopState; 9]); 7] = {
+    const TABLE: [(LoopState, [LoopState; 11]); 8] = {
         use LoopState::*;
-        [
-            (
-                Initialising,
-                [
-                    Faulted,
-                    SafeStop,
-                    Initialising,
-                    Initialising,
-                    Running,
-                    Ready,
-                    Initialising,
-                    Initialising,
-                    Initialising,
-                ],
-            ),
-            (
-                Ready,
-                [
-                    Faulted, SafeStop, Ready, Ready, Running, Ready, Ready, Ready, Ready,
-                ],
-            ),
-            (
-                Running,
-                [
-                    Faulted, SafeStop, Running, Damping, Running, Holding, Holding, Damping,
-                    SafeStop,
-                ],
-            ),
-            (
-                Holding,
-                [
-                    Faulted, SafeStop, Holding, Damping, Running, Holding, Holding, Damping,
-                    SafeStop,
-                ],
-            ),
-            (
-                Damping,
-                [
-                    Faulted, SafeStop, Damping, Damping, Running, Damping, Damping, Damping,
-                    SafeStop,
-                ],
-            ),
-            (
-                SafeStop,
-                [
-                    Faulted, SafeStop, Ready, SafeStop, SafeStop, SafeStop, SafeStop, SafeStop,
-                    SafeStop,
-                ],
-            ),
-            (Faulted, [Faulted; 9]),
-        ]
+        #[rustfmt::skip]
+        let table = [
+            (Initialising, [Faulted, SafeStop, Initialising, Initialising, Ready, Enabling, Running, Ready, Initialising, Initialising, Initialising]),
+            (Ready, [Faulted, SafeStop, Ready, Ready, Ready, Enabling, Running, Ready, Ready, Ready, Ready]),
+            (Running, [Faulted, SafeStop, Running, Damping, Damping, Damping, Running, Holding, Holding, Damping, SafeStop]),
+            (Holding, [Faulted, SafeStop, Holding, Damping, Damping, Damping, Running, Holding, Holding, Damping, SafeStop]),
+            (Damping, [Faulted, SafeStop, Damping, Damping, Damping, Enabling, Running, Damping, Damping, Damping, SafeStop]),
+            (SafeStop, [Faulted, SafeStop, Ready, SafeStop, SafeStop, SafeStop, SafeStop, SafeStop, SafeStop, SafeStop, SafeStop]),
+            (Faulted, [Faulted; 11]),
+            (Enabling, [Faulted, SafeStop, Enabling, Damping, Ready, Enabling, Running, Enabling, Enabling, Ready, Ready]),
+        ];
+        table
     };
 
     #[test]

@@ -272,7 +272,7 @@ pub const EMERGENCY_STOP_PRESSED: u32 = 1;
 
 /// What the loop is doing.
 #[repr(u32)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LoopState {
     /// Waiting for the drives' first sample; brakes closed.
     #[default]
@@ -289,11 +289,13 @@ pub enum LoopState {
     SafeStop = 5,
     /// Something is broken; brakes closed until the next start.
     Faulted = 6,
+    /// A command came, and the drives are on their way to obeying it; the trajectory has not begun or waits.
+    Enabling = 7,
 }
 
 impl LoopState {
     /// Every state, in the order of their numbers.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Initialising,
         Self::Ready,
         Self::Running,
@@ -301,7 +303,13 @@ impl LoopState {
         Self::Damping,
         Self::SafeStop,
         Self::Faulted,
+        Self::Enabling,
     ];
+
+    /// Whether there has been a command: it can be missed from now on.
+    pub fn has_begun(self) -> bool {
+        !matches!(self, Self::Initialising | Self::Ready)
+    }
 
     /// Whether the loop stays here by itself, whatever messages come.
     pub fn is_latched(self) -> bool {
@@ -691,7 +699,7 @@ mod tests {
     #[test]
     fn numbers_that_are_no_state_are_not_read_as_one() {
         assert_eq!(LoopState::from_raw(2), Some(LoopState::Running));
-        assert_eq!(LoopState::from_raw(7), None);
+        assert_eq!(LoopState::from_raw(8), None);
         assert_eq!(DriveMode::from_raw(6), None);
         assert_eq!(DriveRequest::from_raw(4), None);
         assert_eq!(Validity::from_raw(2), Some(Validity::Valid));

@@ -196,6 +196,7 @@ impl Plan {
         if let Some(path) = &arguments.inject {
             robot::load_injection(path, &robot).map_err(CliError::input)?;
             robot::load_pushes(path, &robot).map_err(CliError::input)?;
+            robot::load_drive_faults(path, &robot).map_err(CliError::input)?;
         }
         let plant = arguments
             .plant

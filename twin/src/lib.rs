@@ -135,6 +135,27 @@ pub fn simulate_plant(
     robot: &Robot,
     plant: Plant,
     trajectory: Trajectory,
+    each: impl FnMut(&CycleMessages) -> bool,
+) -> Result<(), TwinError> {
+    simulate_drives(run, robot, drives(run, robot, plant), trajectory, each)
+}
+
+/// The drives of a run, braked, in front of a plant that was built before.
+pub fn drives(run: &RunConfig, robot: &Robot, plant: Plant) -> EmulatedDrives {
+    let mut drives = EmulatedDrives::new(plant, run.session, robot, run.period_ns);
+    drives.take(brake(run, robot.joints.len()));
+    drives
+}
+
+/// Runs as [`simulate_plant`] does with [`drives`] that may have faults of their own.
+///
+/// # Errors
+/// [`TwinError`], also when the loop stopped for safety.
+pub fn simulate_drives(
+    run: &RunConfig,
+    robot: &Robot,
+    mut drives: EmulatedDrives,
+    trajectory: Trajectory,
     mut each: impl FnMut(&CycleMessages) -> bool,
 ) -> Result<(), TwinError> {
     let config = cycle_config(run, robot);
@@ -142,8 +163,6 @@ pub fn simulate_plant(
     let mut controller = Controller::new(run, robot.clone(), trajectory)?;
     let mut estimators = Estimators::new(robot, &run.estimators, period_s)?;
     let joint_count = robot.joints.len();
-    let mut drives = EmulatedDrives::new(plant, run.session, joint_count);
-    drives.take(brake(run, joint_count));
     let mut state = CycleState::default();
     for cycle in 0..run.cycles {
         let planned_ns = cycle * run.period_ns;

@@ -216,3 +216,67 @@ pub fn readings() -> Vec<Scenario> {
         ),
     ]
 }
+
+/// What drives tell of themselves: each joint for itself.
+pub fn drives() -> Vec<Scenario> {
+    use Drive::*;
+    use LoopState::{Running, SafeStop};
+    let (short, long) = (SHORT_CYCLES, LONG_CYCLES);
+    // The first joint of every robot.
+    let joint = 0;
+    // Short circuit (CiA 402-2, error codes).
+    let tripped = DriveFaulted {
+        joint,
+        code: 0x2320,
+    };
+    // Operational asked for, safe-operational with an error given, watchdog of the sync manager (ETG.1000.6).
+    let left = DeviceLeft {
+        joint,
+        status: 0x001b_0014,
+    };
+    vec![
+        drive(
+            "command not sent, once",
+            Running,
+            short,
+            window(1),
+            CommandNotSent,
+        ),
+        drive(
+            "commands not sent, for good",
+            SafeStop,
+            long,
+            window(FOR_GOOD),
+            CommandNotSent,
+        ),
+        drive(
+            "one drive silent, 7 cycles",
+            Running,
+            short,
+            window(7),
+            JointSilent { joint },
+        ),
+        drive(
+            "one drive silent, for good",
+            SafeStop,
+            long,
+            window(FOR_GOOD),
+            JointSilent { joint },
+        ),
+        drive("one drive faulted", SafeStop, short, window(10), tripped),
+        drive(
+            "one drive switched off",
+            SafeStop,
+            short,
+            window(10),
+            DriveOff { joint },
+        ),
+        drive(
+            "one device leaves the exchange",
+            SafeStop,
+            short,
+            window(10),
+            left,
+        ),
+    ]
+}

@@ -103,6 +103,7 @@ pub fn all() -> Vec<Scenario> {
     let mut all = vec![Scenario::new("none", LoopState::Running, SHORT_CYCLES)];
     all.extend(drives::frames());
     all.extend(drives::readings());
+    all.extend(drives::drives());
     all.extend(services::commands());
     all.extend(services::torques());
     all.extend(operator::loop_and_operator());

@@ -9,6 +9,7 @@ use super::*;
 use crate::driver::DriveFault;
 use crate::limits::JointLimits;
 use shm_types::JOINTS_MAX;
+use shm_types::drive::DriveState;
 
 /// What the drives' sample shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +20,8 @@ enum Shown {
     Braked,
     SwitchPressed,
     RanAway,
+    /// Drives that tell their state.
+    Drive(DriveState),
 }
 
 /// What a cycle brings.
@@ -41,6 +44,10 @@ struct Place {
     /// None, some, the last allowed, too many.
     acknowledged: u32,
     mode: u32,
+    /// Until samples must show what was sent.
+    unbraked: u64,
+    enabling: u64,
+    resetting: u64,
     pressed: bool,
     ran_away: bool,
     /// The first sample has no step before it, and a second one after a runaway counts as a jump.
@@ -57,6 +64,8 @@ fn config() -> CycleConfig {
         velocity_rad_s: 1.0,
         acceleration_rad_s2: 10.0,
         damping_nm_s_rad: 50.0,
+        standstill_rad: 0.05,
+        following_rad: 1.0,
     };
     CycleConfig {
         session: 9,
@@ -66,6 +75,8 @@ fn config() -> CycleConfig {
         hold_cycles: 2,
         damping_cycles: 2,
         waiting_cycles: 2,
+        enabling_cycles: 6,
+        reset_cycles: 3,
     }
 }
 
@@ -85,6 +96,9 @@ fn place(config: &CycleConfig, state: &CycleState) -> Place {
             _ => 3,
         },
         mode: state.sending.mode as u32,
+        unbraked: state.sending.unbraked_cycles().min(4),
+        enabling: state.enabling_cycles,
+        resetting: state.resetting_cycles,
         pressed: state.emergency_stop_pressed,
         ran_away: config.joints[0].has_run_away(motion),
         seen: state.motions != JointMotions::default(),
@@ -99,6 +113,11 @@ fn everything() -> Vec<Brought> {
         Shown::Braked,
         Shown::SwitchPressed,
         Shown::RanAway,
+        Shown::Drive(DriveState::NotReady),
+        Shown::Drive(DriveState::SwitchedOff),
+        Shown::Drive(DriveState::Enabled),
+        Shown::Drive(DriveState::QuickStop),
+        Shown::Drive(DriveState::Fault),
     ];
     let commands = [None, Some(DriveMode::Torque), Some(DriveMode::Velocity)];
     let orders = |bits: u32| Orders {
@@ -134,7 +153,7 @@ fn step(config: &CycleConfig, state: &mut CycleState, cycle: u64, brought: Broug
         },
         mode: match brought.shown {
             Shown::Damping => DriveMode::Damping as u32,
-            Shown::Braked => DriveMode::Braked as u32,
+            Shown::Braked | Shown::Drive(DriveState::SwitchedOff) => DriveMode::Braked as u32,
             _ => DriveMode::Torque as u32,
         },
         inputs: match brought.shown {
@@ -143,6 +162,9 @@ fn step(config: &CycleConfig, state: &mut CycleState, cycle: u64, brought: Broug
         },
         ..DriveSample::default()
     };
+    if let Shown::Drive(state) = brought.shown {
+        sample.drives.state[0] = state as u32;
+    }
     sample.readings.motor_position_rad[0] = match brought.shown {
         Shown::RanAway => 50.0 * 1.2,
         _ => 0.0,
@@ -186,7 +208,17 @@ fn check(
         || brought.orders.supervisor_silent
         || brought.shown == Shown::SwitchPressed;
     match after.state {
-        LoopState::Running => assert!(fresh, "{told}: nothing to obey"),
+        LoopState::Running => {
+            assert!(fresh, "{told}: nothing to obey");
+            let off = matches!(brought.shown, Shown::Drive(state)
+                if !matches!(state, DriveState::Enabled | DriveState::QuickStop));
+            assert!(!off, "{told}: the drives do not obey");
+        }
+        LoopState::Enabling => assert_eq!(
+            output.drive_command.request,
+            DriveRequest::Enable as u32,
+            "{told}"
+        ),
         LoopState::Holding => assert!(
             after.cycles_without_command <= config.hold_cycles,
             "{told}: held for too long"
@@ -201,6 +233,9 @@ fn check(
     if before.sending.must_show_motion() && brought.shown == Shown::Braked && fresh {
         assert!(after.state.is_latched(), "{told}: the drives are off");
     }
+    if brought.shown == Shown::Drive(DriveState::Fault) {
+        assert!(after.state.is_latched(), "{told}: a drive is faulted");
+    }
     if asked_to_stop {
         assert!(after.state.is_latched(), "{told}: asked to stop");
         assert_eq!(sent, DriveMode::Braked as u32, "{told}");
@@ -210,8 +245,10 @@ fn check(
     }
     if before.state == LoopState::SafeStop && after.state != LoopState::SafeStop {
         assert_eq!(after.state, LoopState::Ready, "{told}");
+        let asked = brought.orders.reset || before.resetting_cycles > 0;
+        let faulted = brought.shown == Shown::Drive(DriveState::Fault);
         assert!(
-            brought.orders.reset && brought.shown != Shown::Missing,
+            asked && !faulted && brought.shown != Shown::Missing,
             "{told}"
         );
     }
@@ -220,7 +257,7 @@ fn check(
     }
     if after.cycles_without_command > config.patience_cycles() {
         assert!(
-            after.state.is_latched() || after.state <= LoopState::Ready,
+            after.state.is_latched() || !after.state.has_begun(),
             "{told}"
         );
     }

@@ -4,6 +4,7 @@ use super::*;
 use crate::admission::{check_sample, is_usable};
 use proptest::prelude::*;
 use shm_types::JOINTS_MAX;
+use shm_types::drive::DriveState;
 
 fn config() -> CycleConfig {
     let joint = JointLimits {
@@ -15,6 +16,8 @@ fn config() -> CycleConfig {
         velocity_rad_s: 1.0,
         acceleration_rad_s2: 10.0,
         damping_nm_s_rad: 50.0,
+        standstill_rad: 0.05,
+        following_rad: 1.0,
     };
     CycleConfig {
         session: 9,
@@ -24,6 +27,8 @@ fn config() -> CycleConfig {
         hold_cycles: 3,
         damping_cycles: 2,
         waiting_cycles: 2,
+        enabling_cycles: 6,
+        reset_cycles: 3,
     }
 }
 
@@ -293,8 +298,7 @@ fn an_encoder_that_stands_while_its_reference_goes_on_is_a_fault() {
         "{:?}",
         state.fault
     );
-    let stuck_rad = crate::reference_watch::STUCK_REFERENCE_RAD;
-    assert!((stopped_at_rad.unwrap() - stuck_rad).abs() < 0.001);
+    assert!((stopped_at_rad.unwrap() - config().joints[1].standstill_rad).abs() < 0.001);
 }
 
 #[test]
@@ -457,6 +461,190 @@ fn a_command_that_was_not_sent_is_as_if_none_had_come() {
     );
 }
 
+/// A sample of drives that tell their states.
+fn told(states: [DriveState; 2]) -> DriveSample {
+    let mut sample = sample(0.0);
+    for (told, state) in sample.drives.state.iter_mut().zip(states) {
+        *told = state as u32;
+    }
+    sample
+}
+
+#[test]
+fn drives_are_enabled_over_many_cycles_before_anything_moves() {
+    use DriveState::{Enabled, Enabling, NotReady, SwitchedOff};
+    let hold = command(1.0);
+    let mut state = CycleState::default();
+    let mut seen = Vec::new();
+    let walk = [
+        [NotReady, SwitchedOff],
+        [SwitchedOff; 2],
+        [Enabling; 2],
+        [Enabled, Enabling],
+        [Enabled, Enabling],
+        [Enabled; 2],
+        [Enabled; 2],
+    ];
+    for (cycle, states) in (0..).zip(walk) {
+        let output = run(&mut state, cycle, Ok(&told(states)), Some(&hold));
+        seen.push((state.state, output.drive_command.request));
+        if state.state == LoopState::Enabling {
+            assert_eq!(
+                output.drive_command.motor_torque_nm[0], 1.0,
+                "the load is held"
+            );
+            assert_eq!(motion_time_ns(&state), 0);
+        }
+    }
+    let enable = (LoopState::Enabling, DriveRequest::Enable as u32);
+    let ready = (LoopState::Ready, DriveRequest::None as u32);
+    let running = (LoopState::Running, DriveRequest::None as u32);
+    assert_eq!(
+        seen,
+        [ready, enable, enable, enable, enable, running, running]
+    );
+}
+
+#[test]
+fn a_drive_that_is_never_enabled_is_named() {
+    use DriveState::{Enabled, Enabling};
+    let mut waiting = told([Enabled, Enabling]);
+    waiting.drives.status_word[1] = 0x0233;
+    let mut state = CycleState::default();
+    for cycle in 0..20 {
+        run(&mut state, cycle, Ok(&waiting), Some(&command(1.0)));
+    }
+    let reason = state.fault.unwrap().sentence(&config().joint_names);
+    assert_eq!(state.state, LoopState::SafeStop);
+    assert!(
+        reason.contains("elbow") && reason.contains("0x0233"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn a_drive_fault_while_moving_is_told_with_joint_and_code_and_reset_by_the_operator() {
+    use DriveState::{Enabled, Fault as Faulted, SwitchedOff};
+    let mut state = CycleState::default();
+    for cycle in 0..20 {
+        run(
+            &mut state,
+            cycle,
+            Ok(&told([Enabled; 2])),
+            Some(&command(1.0)),
+        );
+    }
+    assert_eq!(state.state, LoopState::Running);
+    let mut tripped = told([Enabled, Faulted]);
+    tripped.drives.error_code[1] = 0x2310;
+    let output = run(&mut state, 20, Ok(&tripped), Some(&command(1.0)));
+    let fault = DriveFault::DriveError {
+        joint: 1,
+        code: 0x2310,
+    };
+    assert_eq!(
+        (state.state, state.fault),
+        (LoopState::SafeStop, Some(Fault::Drive(fault)))
+    );
+    assert_eq!(
+        (output.drive_command.mode, output.drive_command.request),
+        (DriveMode::Braked as u32, DriveRequest::QuickStop as u32)
+    );
+    // A reset reaches the drive, and the loop waits until it has cleared.
+    let reset = |state: &mut CycleState, cycle, sample: &DriveSample, reset| {
+        let orders = Orders {
+            reset,
+            ..Orders::default()
+        };
+        let input = CycleInput {
+            cycle,
+            planned_ns: cycle * 666_667,
+            sample: Ok(sample),
+            command: None,
+            orders,
+        };
+        state.step(&config(), &input).drive_command.request
+    };
+    let asked = DriveRequest::ResetFault as u32;
+    assert_eq!(reset(&mut state, 21, &tripped, true), asked);
+    assert_eq!(state.state, LoopState::SafeStop);
+    assert_eq!(reset(&mut state, 22, &tripped, false), asked);
+    let cleared = told([SwitchedOff; 2]);
+    assert_eq!(
+        reset(&mut state, 23, &cleared, false),
+        DriveRequest::None as u32
+    );
+    assert_eq!(state.state, LoopState::Ready);
+    // One that does not clear is asked for a while and no longer.
+    let mut state = CycleState::default();
+    reset(&mut state, 0, &tripped, false);
+    reset(&mut state, 1, &tripped, true);
+    for cycle in 2..10 {
+        reset(&mut state, cycle, &tripped, false);
+    }
+    assert_eq!(
+        reset(&mut state, 10, &tripped, false),
+        DriveRequest::QuickStop as u32
+    );
+    assert_eq!(state.state, LoopState::SafeStop);
+}
+
+#[test]
+fn a_drive_that_drops_out_while_it_should_obey_stops_the_run() {
+    use DriveState::{Enabled, QuickStop, SwitchedOff};
+    let moving = |state: &mut CycleState| {
+        for cycle in 0..20 {
+            run(state, cycle, Ok(&told([Enabled; 2])), Some(&command(1.0)));
+        }
+    };
+    let mut state = CycleState::default();
+    moving(&mut state);
+    run(
+        &mut state,
+        20,
+        Ok(&told([SwitchedOff, Enabled])),
+        Some(&command(1.0)),
+    );
+    let off = DriveFault::DriveOff {
+        joint: 0,
+        state: SwitchedOff,
+    };
+    assert_eq!(
+        (state.state, state.fault),
+        (LoopState::SafeStop, Some(Fault::Drive(off)))
+    );
+    // One whose watchdog ran out is damped, enabled again and goes on.
+    let mut state = CycleState::default();
+    moving(&mut state);
+    let mut seen = Vec::new();
+    for (cycle, second) in (20..).zip([QuickStop, QuickStop, QuickStop, Enabled]) {
+        let sample = told([Enabled, second]);
+        run(&mut state, cycle, Ok(&sample), Some(&command(1.0)));
+        seen.push(state.state);
+    }
+    use LoopState::{Damping, Enabling, Running};
+    assert_eq!(seen, [Damping, Enabling, Enabling, Running]);
+}
+
+#[test]
+fn a_silent_joint_costs_the_sample_only_when_it_cannot_be_seen_through() {
+    let mut sample = sample(0.0);
+    let mut state = CycleState::default();
+    sample.drives.age_cycles[1] = AGE_MAX_CYCLES;
+    assert_eq!(state.admit(&config(), 0, &sample), Ok(()));
+    sample.drives.age_cycles[1] = AGE_MAX_CYCLES + 1;
+    let silent = DriveFault::JointSilent {
+        joint: 1,
+        age_cycles: AGE_MAX_CYCLES + 1,
+    };
+    assert_eq!(state.admit(&config(), 1, &sample), Err(silent));
+    assert_eq!(
+        state.drives.age_cycles[1],
+        AGE_MAX_CYCLES + 1,
+        "told either way"
+    );
+}
+
 #[test]
 fn samples_that_are_not_ours_or_no_numbers_are_faults() {
     let mut foreign = sample(0.0);
@@ -477,6 +665,7 @@ fn samples_that_are_not_ours_or_no_numbers_are_faults() {
 #[derive(Clone, Debug)]
 struct AnyCycle {
     sample: u8,
+    states: (u32, u32),
     positions_rad: (f64, f64),
     mode: u32,
     inputs: u32,
@@ -493,7 +682,10 @@ fn any_cycle() -> impl Strategy<Value = AnyCycle> {
     let position = || prop_oneof![8 => -0.001..0.001_f64, 1 => any_number()];
     let rarely = || prop::bool::weighted(0.03);
     (
-        0..8_u8,
+        (
+            0..8_u8,
+            prop_oneof![3 => Just((0, 0)), 5 => Just((4, 4)), 2 => (0..9_u32, 0..9_u32)],
+        ),
         (position(), position()),
         0..5_u32,
         prop_oneof![20 => Just(0_u32), 1 => Just(EMERGENCY_STOP_PRESSED), 1 => any::<u32>()],
@@ -503,7 +695,7 @@ fn any_cycle() -> impl Strategy<Value = AnyCycle> {
     )
         .prop_map(
             |(
-                sample,
+                (sample, states),
                 positions_rad,
                 mode,
                 inputs,
@@ -513,6 +705,7 @@ fn any_cycle() -> impl Strategy<Value = AnyCycle> {
             )| {
                 AnyCycle {
                     sample,
+                    states,
                     positions_rad,
                     mode,
                     inputs,
@@ -536,6 +729,7 @@ fn run_any(state: &mut CycleState, cycle: u64, any: &AnyCycle) -> (CycleOutput, 
         inputs: any.inputs,
         ..sample(0.0)
     };
+    (seen.drives.state[0], seen.drives.state[1]) = any.states;
     seen.header.cycle = cycle;
     seen.header.session += u64::from(any.sample == 1);
     seen.readings.motor_position_rad[0] = 50.0 * any.positions_rad.0;
@@ -572,19 +766,21 @@ proptest! {
     fn no_messages_lead_to_torque_from_an_invalid_state(cycles in prop::collection::vec(any_cycle(), 1..120)) {
         let config = config();
         let mut state = CycleState::default();
-        let mut since_command = u64::MAX / 2;
+        let (mut since_command, mut since_reset) = (u64::MAX / 2, u64::MAX / 2);
         let mut cycle = 0;
         for any in &cycles {
             cycle += 1 + any.skipped;
             let before = state.state;
             let (output, fresh) = run_any(&mut state, cycle, any);
             since_command = if fresh { 0 } else { since_command + 1 };
+            since_reset = if any.orders.reset { 0 } else { since_reset + 1 };
             let sent = &output.drive_command;
             let moves = sent.mode == DriveMode::Torque as u32 || sent.mode == DriveMode::Velocity as u32;
             match state.state {
                 LoopState::Running => prop_assert!(fresh),
                 LoopState::Holding => prop_assert!(since_command <= config.hold_cycles),
                 LoopState::Damping => prop_assert!(sent.mode != DriveMode::Velocity as u32),
+                LoopState::Enabling => prop_assert!(since_command <= config.hold_cycles),
                 _ => prop_assert_eq!(sent.mode, DriveMode::Braked as u32),
             }
             for joint in 0..2 {
@@ -599,7 +795,7 @@ proptest! {
                 prop_assert_eq!(state.state, LoopState::Faulted);
             }
             if before == LoopState::SafeStop && state.state != before {
-                prop_assert!(any.orders.reset && !any.orders.emergency_stop && state.state == LoopState::Ready);
+                prop_assert!(since_reset < config.reset_cycles && !any.orders.emergency_stop && state.state == LoopState::Ready);
             }
             if any.orders.emergency_stop || any.orders.supervisor_silent {
                 prop_assert!(state.state.is_latched());
