@@ -28,7 +28,7 @@ pub fn run(arguments: &ProcessArguments) -> Result<(), CliError> {
     match arguments.role {
         RoleArgument::Loop => {
             set_name("fs-loop");
-            rt_loop::process::run(&instance, &rt_loop::process::DRIVERS, &stop)
+            rt_loop::process::run(&instance, &crate::drives::DRIVERS, &stop)
                 .map_err(CliError::input)
         }
         RoleArgument::Emulator => {

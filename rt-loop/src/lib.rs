@@ -11,6 +11,7 @@ pub mod accounts;
 pub mod admission;
 pub mod attribution;
 pub mod capabilities;
+pub mod clock_follow;
 pub mod config;
 pub mod cycle;
 pub mod driver;

@@ -14,6 +14,7 @@ use shm_types::topics::{self, Role};
 
 use crate::accounts::{Accounts, CycleFacts};
 use crate::admission::{admits_command, check_sample};
+use crate::clock_follow;
 use crate::config::cycle_config;
 use crate::cycle::{CycleConfig, CycleInput, CycleOutput, CycleState};
 use crate::driver::{Driver, DriverEntry, Mismatch, OpenContext, OpenError};
@@ -239,7 +240,7 @@ impl<D: Driver> Loop<D> {
         let steal = StealWatch::start(core.filter(|_| realtime), &self.run.cores);
         let held = realtime.then(|| apply(&treatment(core)));
         let begun_ns = monotonic_ns();
-        let epoch_ns = if realtime {
+        let mut epoch_ns = if realtime {
             begun_ns + START_DELAY_NS
         } else {
             0
@@ -256,8 +257,12 @@ impl<D: Driver> Loop<D> {
                 skipped = monotonic_ns().saturating_sub(due_ns) / self.config.period_ns;
             }
             cycle += skipped;
-            self.cycle(cycle, due_ns, skipped);
+            let sample_came = self.cycle(cycle, due_ns, skipped);
             cycle += 1;
+            if realtime && sample_came {
+                let later_ns = clock_follow::step_ns(&self.state.bus, self.config.period_ns);
+                epoch_ns = epoch_ns.saturating_add_signed(later_ns);
+            }
         }
         self.send_brake(cycle, epoch_ns + cycle * self.config.period_ns);
         while self.hand_out_last_cycle() {}
@@ -267,8 +272,8 @@ impl<D: Driver> Loop<D> {
         self.report(held.map(|(grant, _held)| grant), wall_s, cycle, &steal_log)
     }
 
-    /// One cycle. `due_ns` is the instant planned after the last one; `skipped` periods have passed since.
-    fn cycle(&mut self, cycle: u64, due_ns: u64, skipped: u64) {
+    /// One cycle; whether its sample came. `due_ns` is the instant planned after the last one; `skipped` periods have passed since.
+    fn cycle(&mut self, cycle: u64, due_ns: u64, skipped: u64) -> bool {
         let planned_ns = due_ns + skipped * self.config.period_ns;
         let woke_ns = monotonic_ns();
         let read_until_ns = if self.lockstep.is_some() {
@@ -341,6 +346,7 @@ impl<D: Driver> Loop<D> {
         let status = self.publish_status(&output, &times);
         self.keep(status, asked, command);
         self.prepare_next(cycle);
+        facts.sample_came
     }
 
     fn ask(&mut self, cycle: u64, sample: &DriveSample) -> SensorSample {

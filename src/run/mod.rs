@@ -238,7 +238,7 @@ impl Plan {
 }
 
 /// What was asked for, or the rate for which the robot file's gains are made.
-fn period_ns(asked_hz: Option<f64>, robot: &Robot) -> Result<u64, CliError> {
+pub fn period_ns(asked_hz: Option<f64>, robot: &Robot) -> Result<u64, CliError> {
     let control = robot.control.as_ref();
     let (place, rate_hz) = match (asked_hz, control) {
         (Some(asked_hz), _) => ("--rate", asked_hz),
@@ -337,7 +337,7 @@ fn check_control(config: &RunConfig, robot: Robot, trajectory: Trajectory) -> Re
 /// # Errors
 /// [`CliError::Input`] with those there are.
 pub fn check_driver(driver: &str) -> Result<(), CliError> {
-    rt_loop::process::find_driver(&rt_loop::process::DRIVERS, driver)
+    rt_loop::process::find_driver(&crate::drives::DRIVERS, driver)
         .map(drop)
         .map_err(CliError::input)
 }

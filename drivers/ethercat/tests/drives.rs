@@ -445,3 +445,26 @@ fn bad_input_is_one_line_before_anything_moves() {
     let segment = drives.end();
     assert_eq!(segment.slaves()[0].object(0x603f, 0), 0);
 }
+
+#[test]
+fn the_shipped_robot_files_fit_the_virtual_drives() {
+    if !is_inside("the_shipped_robot_files_fit_the_virtual_drives") {
+        return;
+    }
+    for (name, axes) in [("one_encoder", 1), ("two_encoders", 1), ("several_axes", 2)] {
+        let path = format!(
+            "{}/../../robots/ethercat_{name}.toml",
+            env!("CARGO_MANIFEST_DIR")
+        );
+        let drives = Drives::start(&path, |options| options.axes_per_slave = axes);
+        let mut robot = robot::load(&path).expect("a robot file");
+        robot.drive.as_mut().expect("a table")["interface"] = "ecA0".into();
+        let mut bench = Loop::open(&robot);
+        let drives_told = bench.driver.capabilities();
+        let fits = drives_told.check(&robot, DriveMode::Torque, PERIOD_NS);
+        assert_eq!(fits, Ok(()), "{name}");
+        bench.enable(robot.joints.len(), DriveMode::Position);
+        bench.driver.shutdown();
+        drives.end();
+    }
+}
