@@ -27,6 +27,9 @@ const SDO_INFORMATION: u16 = 8;
 /// The object dictionary does not hold more than this; what a master announces beyond it is refused.
 const TRANSFER_MAX: usize = 4096;
 
+/// A master that does not fetch is not answered more than this.
+const UNFETCHED_MAX: usize = 8;
+
 /// What the protocol works on: the slave behind the mailbox.
 pub trait Objects {
     /// The dictionary, up to date.
@@ -70,20 +73,23 @@ impl Server {
     }
 
     /// The next message to the master.
-    pub fn next_answer(&mut self) -> Option<Vec<u8>> {
-        self.answers.pop_front()
+    pub fn answer(&self) -> Option<&[u8]> {
+        self.answers.front().map(Vec::as_slice)
     }
 
-    /// Whether messages wait to be fetched.
-    pub fn has_answer(&self) -> bool {
-        !self.answers.is_empty()
+    /// It lies where the master fetches it.
+    pub fn handed_out(&mut self) {
+        self.answers.pop_front();
+    }
+
+    /// Whether so much waits to be fetched that no further request is looked at.
+    pub fn is_busy(&self) -> bool {
+        self.answers.len() >= UNFETCHED_MAX
     }
 
     /// Tells the master of an error (ETG.1000.6, section 5.6.4).
     pub fn emergency(&mut self, error_code: u16, error_register: u8) {
-        /// A master that never fetches is not told more than this.
-        const UNFETCHED_MAX: usize = 8;
-        if self.answers.len() >= UNFETCHED_MAX {
+        if self.is_busy() {
             return;
         }
         let mut body = vec![0; 8];
@@ -92,7 +98,7 @@ impl Server {
         self.answer_coe(EMERGENCY, &body);
     }
 
-    fn answer(&mut self, kind: u8, body: &[u8]) {
+    fn queue(&mut self, kind: u8, body: &[u8]) {
         self.counter = self.counter % 7 + 1;
         let mut message = Vec::with_capacity(MAILBOX_HEADER + body.len());
         message.extend((body.len() as u16).to_le_bytes());
@@ -104,7 +110,7 @@ impl Server {
     fn answer_coe(&mut self, service: u16, body: &[u8]) {
         let mut message = (service << 12).to_le_bytes().to_vec();
         message.extend(body);
-        self.answer(TYPE_COE, &message);
+        self.queue(TYPE_COE, &message);
     }
 
     fn answer_sdo(&mut self, command: u8, target: (u16, u8), data: [u8; 4], more: &[u8]) {
@@ -120,7 +126,7 @@ impl Server {
     fn mailbox_error(&mut self, code: u16) {
         let mut body = 1_u16.to_le_bytes().to_vec();
         body.extend(code.to_le_bytes());
-        self.answer(TYPE_ERROR, &body);
+        self.queue(TYPE_ERROR, &body);
     }
 
     /// Takes a message of the master. `capacity` is the length of the mailbox that answers go into.

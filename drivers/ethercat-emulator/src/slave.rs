@@ -188,7 +188,9 @@ impl Slave {
         if events.al_control {
             self.al_control(now_ns);
         }
-        if events.mailbox_request && self.state >= PRE_OP {
+        // A request stays in the mailbox while answers wait to be fetched.
+        let asked = events.mailbox_request || events.answer_fetched;
+        if asked && self.state >= PRE_OP && !self.server.is_busy() {
             self.mailbox();
         }
         if events.repeat {
@@ -206,15 +208,13 @@ impl Slave {
     }
 
     fn hand_out_answer(&mut self) {
-        if !self.server.has_answer() || self.state < PRE_OP {
+        if self.state < PRE_OP {
             return;
         }
-        let mut peek = self.server.clone();
-        let fits = peek
-            .next_answer()
-            .is_some_and(|answer| self.esc.fill_mailbox(1, &answer));
-        if fits {
-            self.server = peek;
+        if let Some(answer) = self.server.answer()
+            && self.esc.fill_mailbox(1, answer)
+        {
+            self.server.handed_out();
         }
     }
 

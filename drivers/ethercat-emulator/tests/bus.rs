@@ -422,3 +422,25 @@ fn a_quick_stop_stops_on_its_ramp() {
     );
     assert!(master.inputs[0].velocity.abs() < 100);
 }
+
+#[test]
+fn a_master_that_does_not_fetch_is_not_answered_without_end() {
+    let mut master = Master::new("shd17", |_| {});
+    master.to_pre_op();
+    let mut message = [0; 128];
+    message[..12].copy_from_slice(&[10, 0, 0, 0, 0, 0x13, 0, 0x20, 0x40, 0x18, 0x10, 0]);
+    let station = common::STATION.to_le_bytes();
+    let address = [station[0], station[1], 0x00, 0x10];
+    let taken: u16 = (0..100)
+        .map(|_| master.datagram(5, address, &message).1)
+        .sum();
+    assert!((2..20).contains(&taken), "{taken}");
+    for _ in 0..taken {
+        assert_eq!(master.fetch(0)[2], 0x4f, "each that was taken is answered");
+    }
+    assert_eq!(
+        master.datagram(5, address, &message).1,
+        1,
+        "and there is room again"
+    );
+}

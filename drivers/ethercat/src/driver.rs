@@ -138,7 +138,10 @@ impl EthercatDriver {
             .map(|(axis, joint)| Joint {
                 axis,
                 gear_ratio: joint.gear_ratio,
-                brake: None,
+                brake: joint.brake.map(|brake| Brake {
+                    release: time(brake.release_s),
+                    engage: time(brake.engage_s),
+                }),
                 walk: Walk::default(),
                 count: Unwrapped::default(),
                 link_count: Unwrapped::default(),
@@ -282,6 +285,11 @@ impl EthercatDriver {
             jitter_ns: std::mem::take(&mut self.jitter_ns),
         }
     }
+}
+
+/// The longest there is where a number is too large for one.
+fn time(time_s: f64) -> Duration {
+    Duration::try_from_secs_f64(time_s).unwrap_or(Duration::MAX)
 }
 
 fn warnings(statusword: u16) -> u32 {

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use ethercat::ETHERCAT;
 use ethercat_emulator::socket::{RawSocket, now_ns, serve};
-use ethercat_emulator::{Fault, Options, Segment, TimedFault, VENDOR, segment};
+use ethercat_emulator::{Fault, Options, Segment, TimedFault, VENDOR, segment, wire};
 use plant_emulator::PlantParameters;
 use robot::Robot;
 use rt_loop::driver::{AcyclicError, DriveFault, Driver, Object, OpenContext};
@@ -415,6 +415,23 @@ fn bad_input_is_one_line_before_anything_moves() {
     );
 
     let drives = Drives::start("shd17", |options| options.cycle_times_ns = vec![2_000_000]);
+    let stop = Arc::new(AtomicBool::new(false));
+    let other = std::thread::spawn({
+        let stop = Arc::clone(&stop);
+        move || {
+            let socket = RawSocket::open("ecA0").expect("the interface");
+            while !stop.load(Ordering::Relaxed) {
+                assert!(socket.send(&wire::frame(&[(7, 0xf0, [0; 4], &[0])])));
+                std::thread::sleep(Duration::from_millis(2));
+            }
+        }
+    });
+    check(
+        refused(&robot("shd17", "", ""), 2_000_000),
+        "another master",
+    );
+    stop.store(true, Ordering::Relaxed);
+    other.join().expect("it ends");
     let cases = [
         ("vendor = 1", "put the drives in the file's order"),
         (
