@@ -4,14 +4,12 @@ use std::path::Path;
 
 use comfy_table::{Table, presets};
 use robot::{Robot, RobotJoint};
-use rt_loop::driver::{Capabilities, JointCapabilities, OpenContext};
-use rt_loop::process::{find_driver, open_driver};
+use rt_loop::driver::{Capabilities, JointCapabilities};
 use serde::Serialize;
 use shm_types::control_options::ControlOptions;
 use shm_types::instance::{ControlMode, Mode, RunConfig, Wait};
 
 use crate::cli::CheckArguments;
-use crate::drives::DRIVERS;
 use crate::error::CliError;
 use crate::output::{print, write_json};
 use crate::run::period_ns;
@@ -42,13 +40,7 @@ pub fn check(arguments: &CheckArguments) -> Result<(), CliError> {
     let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
     robot.check_fits_loop().map_err(CliError::input)?;
     let run = run_config(arguments, &robot)?;
-    let context = OpenContext {
-        run: &run,
-        robot: &robot,
-        bus: None,
-    };
-    let entry = find_driver(&DRIVERS, &arguments.driver).map_err(CliError::input)?;
-    let mut driver = open_driver(entry, &context).map_err(CliError::input)?;
+    let mut driver = super::open(&run, &robot)?;
     let drives = driver.capabilities();
     driver.shutdown();
     let rows = rows(&robot, &drives);

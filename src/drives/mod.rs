@@ -4,13 +4,42 @@ mod check;
 mod emulate_ethercat;
 mod scan;
 
-use rt_loop::driver::DriverEntry;
+use robot::Robot;
+use rt_loop::driver::{Behind, Driver, DriverEntry, OpenContext};
+use rt_loop::process::{find_driver, open_driver};
+use shm_types::instance::RunConfig;
 
 use crate::cli::{DrivesCommand, EmulateCommand};
 use crate::error::CliError;
 
 /// The drivers that `--driver` can choose.
 pub const DRIVERS: [DriverEntry; 2] = [rt_loop::process::DRIVERS[0], ethercat::ETHERCAT];
+
+/// Opens the drives of a run, which must be those of the robot. Nothing moves.
+///
+/// # Errors
+/// [`CliError::Input`] with what does not fit.
+fn open(run: &RunConfig, robot: &Robot) -> Result<Box<dyn Driver>, CliError> {
+    let entry = find_driver(&DRIVERS, &run.driver).map_err(CliError::input)?;
+    let context = OpenContext {
+        run,
+        robot,
+        bus: None,
+    };
+    open_driver(entry, &context).map_err(CliError::input)
+}
+
+/// That the hardware of a run is there and is the robot's, before anything is started.
+///
+/// # Errors
+/// [`CliError::Input`] with what does not fit.
+pub fn check_hardware(run: &RunConfig, robot: &Robot) -> Result<(), CliError> {
+    let entry = find_driver(&DRIVERS, &run.driver).map_err(CliError::input)?;
+    if entry.behind == Behind::Hardware {
+        open(run, robot)?.shutdown();
+    }
+    Ok(())
+}
 
 /// Does what was asked of drives.
 ///
