@@ -35,7 +35,7 @@ const GROWTH_MAX_KIB: u64 = 512;
 /// What the recorder may grow by besides, per hour recorded: the index of a recording has an entry for each second of it.
 const INDEX_KIB_PER_HOUR: f64 = 4096.0;
 /// Counters that have to stay zero where nobody is late and nothing is lost.
-const ZERO: [&str; 8] = [
+const ZERO: [&str; 9] = [
     "missed_deadlines",
     "skipped_periods",
     "stale_commands",
