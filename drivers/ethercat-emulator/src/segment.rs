@@ -57,6 +57,9 @@ pub struct Segment {
     sample: PlantSample,
     step_ns: u64,
     next_step_ns: u64,
+    /// Where the robot will be at the next step: worked out half a period before, when no frame waits for it.
+    ahead: Option<PlantSample>,
+    ahead_at_ns: Option<u64>,
     seen_ns: u64,
     /// Still to come, the next one last; in time since `operational_ns`.
     faults: Vec<TimedFault>,
@@ -81,6 +84,8 @@ impl Segment {
             plant,
             step_ns,
             next_step_ns: now_ns + step_ns,
+            ahead: None,
+            ahead_at_ns: None,
             seen_ns: now_ns,
             faults,
             operational_ns: None,
@@ -240,6 +245,7 @@ impl Segment {
         for (position, (at_ns, _)) in self.broken.endings.iter().enumerate() {
             consider(Some(*at_ns), Event::Ending(position));
         }
+        consider(self.ahead_at_ns, Event::Ahead);
         let fault_ns = self
             .operational_ns
             .zip(self.faults.last())
@@ -263,8 +269,12 @@ impl Segment {
             }
             self.seen_ns = self.seen_ns.max(at_ns);
             match event {
+                Event::Ahead => {
+                    self.ahead_at_ns = None;
+                    self.ahead = Some(self.work_out());
+                }
                 Event::Step => {
-                    self.step_plant();
+                    self.step_plant(at_ns);
                     self.next_step_ns = at_ns + self.step_ns;
                     self.step_slaves(|slave, step_ns| !slave.paced_by_sync0(step_ns));
                 }
@@ -289,7 +299,7 @@ impl Segment {
         let paced = |slave: &Slave| slave.paced_by_sync0(self.step_ns);
         let leads = self.slaves.iter().position(paced) == Some(position);
         if leads {
-            self.step_plant();
+            self.step_plant(at_ns);
             // takes over again where the pulses stop
             self.next_step_ns = at_ns + self.step_ns + self.step_ns / 2;
         }
@@ -305,14 +315,23 @@ impl Segment {
         }
     }
 
-    fn step_plant(&mut self) {
+    fn step_plant(&mut self, at_ns: u64) {
+        self.sample = match self.ahead.take() {
+            Some(sample) => sample,
+            None => self.work_out(),
+        };
+        self.ahead_at_ns = Some(at_ns + self.step_ns / 2);
+    }
+
+    /// One period of the robot with what the drives do in it, which they decided at its beginning.
+    fn work_out(&mut self) -> PlantSample {
         let mut commands = [JointCommand::default(); JOINTS_MAX];
         for axis in self.slaves.iter().flat_map(Slave::axes) {
             if let Some(command) = commands.get_mut(axis.config().joint) {
                 *command = axis.command();
             }
         }
-        self.sample = self.plant.step_joints(true, &commands);
+        self.plant.step_joints(true, &commands)
     }
 
     fn step_slaves(&mut self, wanted: impl Fn(&Slave, u64) -> bool) {
@@ -402,6 +421,7 @@ impl Segment {
 #[derive(Clone, Copy, Debug)]
 enum Event {
     Step,
+    Ahead,
     Sync0(usize),
     Watchdog(usize),
     Ending(usize),
