@@ -147,7 +147,7 @@ pub fn image(information: &Information<'_>) -> Vec<u8> {
 }
 
 fn category(bytes: &mut Vec<u8>, kind: u16, mut content: Vec<u8>) {
-    if content.len() % 2 != 0 {
+    if !content.len().is_multiple_of(2) {
         content.push(0);
     }
     bytes.extend(kind.to_le_bytes());

@@ -362,7 +362,7 @@ impl Slave {
             for entry in 1..=self.dictionary.number(pdo, 0) as u8 {
                 let mapping = self.dictionary.number(pdo, entry) as u32;
                 let (object, length) = split_mapping(mapping);
-                if bits % 8 != 0 || length % 8 != 0 {
+                if !bits.is_multiple_of(8) || !length.is_multiple_of(8) {
                     return None;
                 }
                 copied.push(Copied {

@@ -58,7 +58,7 @@ fn every_command_counts_as_it_should() {
 #[test]
 fn sdos_of_every_size() {
     let mut master = Master::new("shd17", |_| {});
-    master.to_pre_op();
+    master.enter_pre_op();
     assert_eq!(master.upload(0, 0x1018, 0, false), Ok(vec![4]));
     assert_eq!(
         master.upload(0, 0x1018, 1, false),
@@ -106,7 +106,7 @@ fn sdos_of_every_size() {
 #[test]
 fn a_long_upload_comes_in_segments() {
     let mut master = Master::new("pa10", |options| options.axes_per_slave = 7);
-    master.to_pre_op();
+    master.enter_pre_op();
     // the object list of seven axes does not fit one message
     let first = master.mailbox(0, &[0, 0x80, 1, 0, 0, 0, 1, 0]);
     assert_eq!(first[2], 0x82, "a list, incomplete");
@@ -126,7 +126,7 @@ fn a_long_upload_comes_in_segments() {
 #[test]
 fn what_is_no_sdo_is_answered_with_an_error() {
     let mut master = Master::new("shd17", |_| {});
-    master.to_pre_op();
+    master.enter_pre_op();
     let mut message = [0; 128];
     message[0] = 4;
     message[5] = 0x14; // FoE
@@ -146,7 +146,7 @@ fn states_are_checked_on_the_way() {
     assert_eq!(master.ask(0, OP), (0x10 | INIT, al_code::INVALID_CHANGE));
     assert_eq!(master.ask(0, 3), (0x10 | INIT, al_code::NO_BOOT));
     assert_eq!(master.ask(0, 7), (0x10 | INIT, al_code::UNKNOWN_STATE));
-    master.to_pre_op();
+    master.enter_pre_op();
     assert_eq!(master.ask(0, SAFE_OP), (0x10 | PRE_OP, al_code::OUTPUTS));
     master.lengths[0][1] -= 1;
     master.map();
@@ -163,7 +163,7 @@ fn states_are_checked_on_the_way() {
 #[test]
 fn the_watchdog_takes_the_slave_out_of_op_and_the_axis_into_fault() {
     let mut master = Master::new("shd17", |_| {});
-    master.to_op();
+    master.enter_op();
     master.write(0, 0x420, &100_u16.to_le_bytes());
     master.enable(10);
     master.now_ns += 9_000_000;
@@ -226,7 +226,7 @@ fn clocks_are_brought_together_by_the_bus() {
 #[test]
 fn at_sync0_outputs_act_and_inputs_are_latched() {
     let mut master = Master::new("shd17", |_| {});
-    master.to_pre_op();
+    master.enter_pre_op();
     master.map();
     master.start_sync0(0, 666_667, 5_000_000);
     assert_eq!(master.ask(0, SAFE_OP), (SAFE_OP, 0));
@@ -246,7 +246,7 @@ fn at_sync0_outputs_act_and_inputs_are_latched() {
 #[test]
 fn a_cut_cable_leaves_the_slaves_before_it() {
     let mut master = Master::new("pa10", |options| options.axes_per_slave = 3);
-    master.to_op();
+    master.enter_op();
     master.cycles(10);
     master.inject(Fault::CableOut {
         after: 1,
@@ -308,7 +308,7 @@ fn frames_get_lost_doubled_and_late() {
 #[test]
 fn a_working_counter_is_short_as_often_as_asked() {
     let mut master = Master::new("pa10", |_| {});
-    master.to_op();
+    master.enter_op();
     master.inject(Fault::CounterShort { slave: 2, count: 3 });
     master.cycles(10);
     assert_eq!(master.counter_short, 3);
@@ -317,7 +317,7 @@ fn a_working_counter_is_short_as_often_as_asked() {
 #[test]
 fn a_slave_that_starts_anew_is_in_init_without_address() {
     let mut master = Master::new("pa10", |options| options.axes_per_slave = 3);
-    master.to_op();
+    master.enter_op();
     master.inject(Fault::SlaveReset { slave: 1 });
     assert!(!master.cycle());
     let (status, counter) = master.datagram(1, [0xff, 0xff, 0x30, 0x01], &[0; 2]);
@@ -329,7 +329,7 @@ fn a_slave_that_starts_anew_is_in_init_without_address() {
 #[test]
 fn the_reset_register_wants_its_three_letters() {
     let mut master = Master::new("shd17", |_| {});
-    master.to_op();
+    master.enter_op();
     for letter in *b"RE" {
         master.write(0, 0x40, &[letter]);
     }
@@ -342,7 +342,7 @@ fn the_reset_register_wants_its_three_letters() {
 #[test]
 fn a_brown_out_ends_and_its_fault_is_reset_then() {
     let mut master = Master::new("shd17", |_| {});
-    master.to_op();
+    master.enter_op();
     master.enable(10);
     master.inject(Fault::BrownOut {
         slave: 0,
@@ -366,7 +366,7 @@ fn a_brown_out_ends_and_its_fault_is_reset_then() {
 #[test]
 fn a_drive_fault_hits_its_joint_alone_and_is_told() {
     let mut master = Master::new("pa10", |_| {});
-    master.to_op();
+    master.enter_op();
     master.enable(9);
     master.inject(Fault::DriveFault {
         joint: 3,
@@ -387,7 +387,7 @@ fn a_drive_fault_hits_its_joint_alone_and_is_told() {
 #[test]
 fn a_drive_without_sync0_leaves_op() {
     let mut master = Master::new("shd17", |options| options.sync_error_limit = 30);
-    master.to_pre_op();
+    master.enter_pre_op();
     master.map();
     master.start_sync0(0, 666_667, 5_000_000);
     master.ask(0, SAFE_OP);
@@ -405,7 +405,7 @@ fn a_drive_without_sync0_leaves_op() {
 #[test]
 fn a_quick_stop_stops_on_its_ramp() {
     let mut master = Master::new("shd17", |_| {});
-    master.to_op();
+    master.enter_op();
     master.enable(9);
     master.outputs[0].velocity = 20_000;
     master.cycles(400);
@@ -426,7 +426,7 @@ fn a_quick_stop_stops_on_its_ramp() {
 #[test]
 fn a_master_that_does_not_fetch_is_not_answered_without_end() {
     let mut master = Master::new("shd17", |_| {});
-    master.to_pre_op();
+    master.enter_pre_op();
     let mut message = [0; 128];
     message[..12].copy_from_slice(&[10, 0, 0, 0, 0, 0x13, 0, 0x20, 0x40, 0x18, 0x10, 0]);
     let station = common::STATION.to_le_bytes();

@@ -73,7 +73,7 @@ proptest! {
     fn any_datagrams(datagrams in vec(datagram(), 1..12), to_op: bool, steps in vec(0_u64..3_000_000, 12)) {
         let mut master = Master::new("shd17", |_| {});
         if to_op {
-            master.to_op();
+            master.enter_op();
         }
         for ((command, station, offset, data), step_ns) in datagrams.iter().zip(steps) {
             master.now_ns += step_ns;
@@ -88,7 +88,7 @@ proptest! {
     #[test]
     fn any_mailbox(messages in vec((0_u8..8, vec(any::<u8>(), 0..122)), 1..8)) {
         let mut master = Master::new("shd17", |_| {});
-        master.to_pre_op();
+        master.enter_pre_op();
         for (service, mut body) in messages {
             if body.len() > 1 {
                 body[1] = body[1] & 0x0f | service << 4;
@@ -111,7 +111,7 @@ proptest! {
             0x1000, 0x1008, 0x1018, 0x1600, 0x1a00, 0x1c12, 0x1c13, 0x1c32, 0x6040, 0x6060, 0x607d, 0x60e4,
         ];
         let mut master = Master::new("shd17", |_| {});
-        if op { master.to_op() } else { master.to_pre_op() }
+        if op { master.enter_op() } else { master.enter_pre_op() }
         for (command, index, sub_index, data) in requests {
             let mut body = vec![0, 0x20, command];
             body.extend(INDICES[index].to_le_bytes());

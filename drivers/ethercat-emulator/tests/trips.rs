@@ -10,7 +10,7 @@ use ethercat_emulator::slave::al_code;
 #[test]
 fn a_fault_is_reset_by_a_rising_edge_only() {
     let mut master = Master::new("shd17", |_| {});
-    master.to_op();
+    master.enter_op();
     master.enable(10);
     master.drives.slaves_mut()[0].axes_mut()[0].raise(0x2310, false);
     assert_eq!(master.wait_fault(0), 0x2310);
@@ -37,7 +37,7 @@ fn a_fault_is_reset_by_a_rising_edge_only() {
 #[test]
 fn enabling_with_a_torque_is_a_fault() {
     let mut master = Master::new("shd17", |_| {});
-    master.to_op();
+    master.enter_op();
     master.outputs[0].torque = 5;
     for word in [6, 6, 6, 7, 7, 15] {
         master.outputs[0].mode = 10;
@@ -51,7 +51,7 @@ fn enabling_with_a_torque_is_a_fault() {
 #[test]
 fn enabling_without_a_mapped_target_is_a_fault() {
     let mut master = Master::new("shd17", |_| {});
-    master.to_pre_op();
+    master.enter_pre_op();
     // controlword and mode only
     let download = |master: &mut Master, index: u16, sub_index: u8, bytes: &[u8]| {
         assert_eq!(master.download(0, index, sub_index, bytes, false), Ok(()));
@@ -88,7 +88,7 @@ fn a_cycle_time_that_the_drive_does_not_take_is_refused() {
         (8_000_000, (SAFE_OP, 0)),
     ] {
         let mut master = Master::new("shd17", rates);
-        master.to_pre_op();
+        master.enter_pre_op();
         master.map();
         master.start_sync0(0, cycle_ns, 10_000_000);
         assert_eq!(master.ask(0, SAFE_OP), status, "{cycle_ns}");
@@ -98,7 +98,7 @@ fn a_cycle_time_that_the_drive_does_not_take_is_refused() {
 #[test]
 fn frames_missing_at_the_start_are_no_fault_and_later_they_are() {
     let mut master = Master::new("shd17", |options| options.sync_error_limit = 9);
-    master.to_pre_op();
+    master.enter_pre_op();
     master.map();
     master.start_sync0(0, 666_667, 10_000_000);
     assert_eq!(master.ask(0, SAFE_OP), (SAFE_OP, 0));
@@ -121,7 +121,7 @@ fn frames_missing_at_the_start_are_no_fault_and_later_they_are() {
 #[test]
 fn a_start_of_sync0_in_the_past_is_seconds_away() {
     let mut master = Master::new("shd17", |_| {});
-    master.to_pre_op();
+    master.enter_pre_op();
     master.start_sync0(0, 666_667, -1_000_000);
     let slave = &master.drives.slaves()[0];
     let next_ns = slave.next_sync0_ns(master.now_ns).expect("pulses");
@@ -131,7 +131,7 @@ fn a_start_of_sync0_in_the_past_is_seconds_away() {
 #[test]
 fn an_axis_left_out_of_the_outputs_puts_all_into_fault() {
     let mut master = Master::new("pa10", |options| options.axes_per_slave = 2);
-    master.to_pre_op();
+    master.enter_pre_op();
     assert_eq!(master.download(0, 0x1c12, 0, &[0], false), Ok(()));
     assert_eq!(master.download(0, 0x1c12, 0, &[1], false), Ok(()));
     master.lengths[0][0] = 16;
@@ -160,18 +160,18 @@ fn an_axis_left_out_of_the_outputs_puts_all_into_fault() {
 #[test]
 fn a_read_only_synchronisation_type_says_so() {
     let mut master = Master::new("shd17", |options| options.sync_type_writable = false);
-    master.to_pre_op();
+    master.enter_pre_op();
     let write = |master: &mut Master| master.download(0, 0x1c32, 1, &[2, 0], false);
     assert_eq!(write(&mut master), Err(abort::READ_ONLY));
     let mut master = Master::new("shd17", |_| {});
-    master.to_pre_op();
+    master.enter_pre_op();
     assert_eq!(write(&mut master), Ok(()));
 }
 
 #[test]
 fn a_target_position_away_from_the_actual_one_is_a_fault() {
     let mut master = Master::new("shd17", |_| {});
-    master.to_op();
+    master.enter_op();
     master.outputs[0].position = 1_000_000;
     for word in [6, 7, 15] {
         master.outputs[0].mode = 8;
@@ -184,7 +184,7 @@ fn a_target_position_away_from_the_actual_one_is_a_fault() {
 #[test]
 fn torque_is_per_mille_of_the_rated_torque() {
     let mut master = Master::new("shd17", |_| {});
-    master.to_op();
+    master.enter_op();
     master.enable(10);
     let rated = master.upload(0, 0x6076, 0, false).expect("rated torque");
     let rated_mnm = u32::from_le_bytes(rated.try_into().expect("4 bytes"));
@@ -201,7 +201,7 @@ fn torque_is_per_mille_of_the_rated_torque() {
 fn positions_wrap_at_32_bits_and_the_drive_follows_across() {
     let before = i64::from(i32::MAX) - 300;
     let mut master = Master::new("shd17", |options| options.first_count = before);
-    master.to_op();
+    master.enter_op();
     master.enable(8);
     assert!(master.inputs[0].position > 0);
     let first = master.inputs[0].position;
@@ -220,8 +220,8 @@ fn positions_wrap_at_32_bits_and_the_drive_follows_across() {
 fn polarity_turns_what_is_read_and_what_is_asked() {
     let mut plain = Master::new("shd17", |_| {});
     let mut turned = Master::new("shd17", |_| {});
-    plain.to_op();
-    turned.to_pre_op();
+    plain.enter_op();
+    turned.enter_pre_op();
     assert_eq!(turned.download(0, 0x607e, 0, &[0xe0], false), Ok(()));
     turned.map();
     turned.ask(0, SAFE_OP);
@@ -241,7 +241,7 @@ fn polarity_turns_what_is_read_and_what_is_asked() {
 #[test]
 fn the_second_encoder_counts_behind_the_gear() {
     let mut master = Master::new("shd17", |options| options.position_rad = vec![0.3]);
-    master.to_op();
+    master.enter_op();
     master.cycles(10);
     let slave = &master.drives.slaves()[0];
     let turns = slave.object(0x60e4, 1) as f64 / slave.object(0x60e6, 1) as f64;
@@ -256,7 +256,7 @@ fn the_second_encoder_counts_behind_the_gear() {
 #[test]
 fn the_shaft_is_held_until_the_brake_is_open() {
     let mut master = Master::new("shd17", |options| options.brake_release_s = 0.1);
-    master.to_op();
+    master.enter_op();
     for word in [6, 7] {
         master.outputs[0].controlword = word;
         master.outputs[0].mode = 10;
@@ -284,7 +284,7 @@ fn switching_off_holds_the_load_until_the_brake_does() {
         options.brake_release_s = 0.2;
         options.position_rad = vec![1.2];
     });
-    master.to_op();
+    master.enter_op();
     master.enable(8);
     master.cycles(500);
     let at = master.inputs[0].position;
@@ -299,7 +299,7 @@ fn switching_off_holds_the_load_until_the_brake_does() {
 #[test]
 fn a_drive_set_for_sync0_does_not_run_without_it() {
     let mut master = Master::new("shd17", |_| {});
-    master.to_pre_op();
+    master.enter_pre_op();
     assert_eq!(master.download(0, 0x1c32, 1, &[2, 0], false), Ok(()));
     master.map();
     assert_eq!(master.ask(0, SAFE_OP), (SAFE_OP, 0));

@@ -47,7 +47,7 @@ fn find(mapping: &[Mapped], axis: u8, index: u16, sub_index: u8, bits: u8) -> Op
     let index = index + AXIS_OFFSET * u16::from(axis);
     let wanted = |entry: &&Mapped| {
         (entry.index, entry.sub_index, entry.bits) == (index, sub_index, bits)
-            && entry.at_bit % 8 == 0
+            && entry.at_bit.is_multiple_of(8)
     };
     mapping.iter().find(wanted).map(|entry| entry.at_bit / 8)
 }

@@ -43,7 +43,7 @@ impl Pace {
     /// instant of the last SYNC0 before it, on the loop's clock.
     pub fn observe(&mut self, system_ns: u64, half_way_ns: u64, planned_ns: u64) -> u64 {
         let since_ns = (system_ns.wrapping_sub(self.sync0_ns) as i64).rem_euclid(self.period_ns);
-        let latched_ns = half_way_ns.saturating_sub_signed(since_ns);
+        let latched_ns = half_way_ns.saturating_sub(since_ns as u64);
         let wanted_ns = latched_ns as i64 + self.period_ns / AHEAD_PARTS;
         let late_ns = self.wrapped(wanted_ns.wrapping_sub(planned_ns as i64));
         let offset_ns = match self.offset_ns {

@@ -279,8 +279,8 @@ fn seven_joints_follow_velocities_and_positions() {
     bench.command.joint_velocity_rad_s[..7].fill(0.1);
     let first = bench.last.readings.motor_position_rad;
     bench.cycles(1000);
-    for joint in 0..7 {
-        let moved_rad = (bench.last.readings.motor_position_rad[joint] - first[joint]) / 50.0;
+    for (joint, first_rad) in first.iter().enumerate().take(7) {
+        let moved_rad = (bench.last.readings.motor_position_rad[joint] - first_rad) / 50.0;
         assert!(moved_rad > 0.05, "joint {joint}: {moved_rad} rad");
     }
     bench.command.mode = DriveMode::Position as u32;
@@ -290,8 +290,8 @@ fn seven_joints_follow_velocities_and_positions() {
     }
     let held = bench.last.readings.motor_position_rad;
     bench.cycles(500);
-    for joint in 0..7 {
-        let away_rad = (bench.last.readings.motor_position_rad[joint] - held[joint]) / 50.0;
+    for (joint, held_rad) in held.iter().enumerate().take(7) {
+        let away_rad = (bench.last.readings.motor_position_rad[joint] - held_rad) / 50.0;
         assert!(away_rad.abs() < 0.03, "joint {joint}: {away_rad} rad");
         assert_eq!(bench.last.drives.state_of(joint), DriveState::Enabled);
     }

@@ -155,7 +155,7 @@ impl Master {
         self.write(slave, 0x800 + 8 * index, &bytes);
     }
 
-    pub fn to_pre_op(&mut self) {
+    pub fn enter_pre_op(&mut self) {
         self.address_slaves();
         for slave in 0..self.lengths.len() {
             self.manager(slave, 0, 0x1000, 128, 0x26);
@@ -189,8 +189,8 @@ impl Master {
         }
     }
 
-    pub fn to_op(&mut self) {
-        self.to_pre_op();
+    pub fn enter_op(&mut self) {
+        self.enter_pre_op();
         self.map();
         for state in [SAFE_OP, OP] {
             for slave in 0..self.lengths.len() {
