@@ -101,7 +101,7 @@ impl Clock {
         let next_ns = if start_ns > system_ns {
             start_ns
         } else {
-            system_ns + (start_ns.wrapping_sub(system_ns) & 0xffff_ffff)
+            system_ns.wrapping_add(start_ns.wrapping_sub(system_ns) & 0xffff_ffff)
         };
         self.sync0 = Some(Sync0 {
             next_ns,
@@ -130,6 +130,14 @@ impl Clock {
         Some(now_ns.saturating_add_signed(ahead_ns))
     }
 
+    /// Moves system time against the counter. Pulses that it jumps over do not come.
+    pub fn set_offset(&mut self, now_ns: u64, offset_ns: u64) {
+        if self.offset_ns != offset_ns {
+            self.offset_ns = offset_ns;
+            self.skip_pulses(now_ns);
+        }
+    }
+
     /// Leaves out the pulses up to now, for a time in which nobody was there.
     pub fn skip_pulses(&mut self, now_ns: u64) {
         let system_ns = self.system_ns(now_ns);
@@ -138,14 +146,18 @@ impl Clock {
             && sync0.next_ns < system_ns
         {
             let missed = (system_ns - sync0.next_ns).div_ceil(sync0.cycle_ns);
-            sync0.next_ns += missed * sync0.cycle_ns;
+            sync0.next_ns = sync0
+                .next_ns
+                .saturating_add(missed.saturating_mul(sync0.cycle_ns));
         }
     }
 
     /// The pulse that was due has come.
     pub fn pulse(&mut self) {
         match &mut self.sync0 {
-            Some(sync0) if sync0.cycle_ns > 0 => sync0.next_ns += sync0.cycle_ns,
+            Some(sync0) if sync0.cycle_ns > 0 => {
+                sync0.next_ns = sync0.next_ns.wrapping_add(sync0.cycle_ns);
+            }
             _ => self.sync0 = None,
         }
     }

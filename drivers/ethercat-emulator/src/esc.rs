@@ -440,7 +440,8 @@ impl Esc {
         if first <= usize::from(DC_SYSTEM_TIME) && end >= usize::from(DC_SYSTEM_TIME) + 4 {
             self.steer(passing, &data[usize::from(DC_SYSTEM_TIME) - first..]);
         }
-        self.clock.offset_ns = self.u64(DC_OFFSET);
+        let offset_ns = self.u64(DC_OFFSET);
+        self.clock.set_offset(passing.in_ns, offset_ns);
         self.clock.delay_ns = self.u32(DC_DELAY);
         let active = self.memory[usize::from(DC_ACTIVATION)];
         if touches(DC_ACTIVATION, DC_ACTIVATION + 1) && active & 0x03 != was_active & 0x03 {

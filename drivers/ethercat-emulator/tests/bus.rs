@@ -444,3 +444,16 @@ fn a_master_that_does_not_fetch_is_not_answered_without_end() {
         "and there is room again"
     );
 }
+
+#[test]
+fn a_system_time_that_jumps_brings_no_pulses_from_before() {
+    let mut master = Master::new("shd17", |_| {});
+    master.enter_pre_op();
+    master.start_sync0(0, 125_000, 1_000_000);
+    master.now_ns += 2_000_000;
+    master.write(0, 0x920, &(1_u64 << 62).to_le_bytes());
+    let slave = &master.drives.slaves()[0];
+    let next_ns = slave.next_sync0_ns(master.now_ns).expect("pulses");
+    assert!(next_ns.abs_diff(master.now_ns) <= 125_000, "{next_ns}");
+    master.read(0, 0x130, 2);
+}
