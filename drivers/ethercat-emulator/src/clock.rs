@@ -98,7 +98,8 @@ impl Clock {
             return;
         }
         let system_ns = self.system_ns(now_ns);
-        let next_ns = if start_ns > system_ns {
+        // half the range ahead is the future, the rest the past
+        let next_ns = if start_ns.wrapping_sub(system_ns) as i64 > 0 {
             start_ns
         } else {
             system_ns.wrapping_add(start_ns.wrapping_sub(system_ns) & 0xffff_ffff)
@@ -143,12 +144,14 @@ impl Clock {
         let system_ns = self.system_ns(now_ns);
         if let Some(sync0) = &mut self.sync0
             && sync0.cycle_ns > 0
-            && sync0.next_ns < system_ns
         {
-            let missed = (system_ns - sync0.next_ns).div_ceil(sync0.cycle_ns);
-            sync0.next_ns = sync0
-                .next_ns
-                .saturating_add(missed.saturating_mul(sync0.cycle_ns));
+            let behind_ns = system_ns.wrapping_sub(sync0.next_ns);
+            if behind_ns as i64 > 0 {
+                let missed = behind_ns.div_ceil(sync0.cycle_ns);
+                sync0.next_ns = sync0
+                    .next_ns
+                    .wrapping_add(missed.wrapping_mul(sync0.cycle_ns));
+            }
         }
     }
 
