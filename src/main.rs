@@ -2,8 +2,9 @@
 
 use std::process::ExitCode;
 
+use ethercat::ETHERCAT;
 use moteus_driver::MOTEUS;
 
 fn main() -> ExitCode {
-    flexspline::main_with(&[MOTEUS])
+    flexspline::main_with(&[ETHERCAT, MOTEUS])
 }

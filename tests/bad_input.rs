@@ -37,7 +37,11 @@ fn each_wrong_argument_is_named_with_its_remedy() {
         &["--robot", "shd17", "--trajectory", "lemniscate"],
         &["lemniscate"],
     );
-    refused(&bench, &["--driver", "ethercat"], &["ethercat", "emulator"]);
+    refused(
+        &bench,
+        &["--driver", "can"],
+        &["`can`", "emulator, ethercat"],
+    );
     refused(&bench, &["--duration", "1us"], &["--duration", "667 µs"]);
     refused(&bench, &["--inject", "missing.toml"], &["missing.toml"]);
     refused(

@@ -256,7 +256,7 @@ fn bad_input_is_one_line_and_exit_code_two() {
     let bench = Bench::new("id-bad");
     fs::write(bench.file("occupied"), "").expect("written");
     for (arguments, told) in [
-        (vec!["--driver", "ethercat"], "emulator"),
+        (vec!["--driver", "can"], "emulator"),
         (vec!["--joint", "joint9"], "joint9"),
         (vec!["--robot", "missing.toml"], "missing.toml"),
         (vec!["--out", "occupied"], "occupied"),

@@ -20,9 +20,9 @@ use std::error::Error;
 use std::io::{BufRead, Write};
 use std::path::Path;
 
-use gap_diagnosis::closed_loop::values::mean_square;
 use gap_diagnosis::closed_loop::named::refitted;
 use gap_diagnosis::closed_loop::search::{Model, Search, Term};
+use gap_diagnosis::closed_loop::values::mean_square;
 use gap_diagnosis::effects::{Shown, plain};
 use gap_diagnosis::twin::known::Known;
 use gap_diagnosis::twin::observe::Channel;

@@ -62,4 +62,4 @@ pub use disturbance::{ArmMotion, Disturbance};
 pub use error::PlantError;
 pub use parameters::{JointPlantParameters, PlantParameters};
 pub use plant::Plant;
-pub use signals::{DriveState, PlantCommand, PlantMode, PlantSample, PlantTruth};
+pub use signals::{DriveState, JointCommand, PlantCommand, PlantMode, PlantSample, PlantTruth};

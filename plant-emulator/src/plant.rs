@@ -15,7 +15,7 @@ use crate::mechanics::{JointConstants, JointState, LinkMotion};
 use crate::noise::Noise;
 use crate::sensors::{HISTORY, Observed, Sensors};
 use crate::servo::{Servo, Setpoint};
-use crate::{PlantCommand, PlantError, PlantParameters, PlantSample, PlantTruth};
+use crate::{JointCommand, PlantCommand, PlantError, PlantParameters, PlantSample, PlantTruth};
 
 /// One joint with its drive and sensors.
 #[derive(Clone, Debug)]
@@ -182,7 +182,16 @@ impl Plant {
 
     /// Advances one control period. The command reaches the drives at its beginning, the sensors latch at its end.
     pub fn step(&mut self, command: &PlantCommand) -> PlantSample {
-        self.begin_period(command);
+        self.step_joints(command.fresh, &command.joints())
+    }
+
+    /// The same with a command of its own for each joint's drive; `fresh` as in [`PlantCommand`].
+    pub fn step_joints(
+        &mut self,
+        fresh: bool,
+        commands: &[JointCommand; JOINTS_MAX],
+    ) -> PlantSample {
+        self.begin_period(fresh, commands);
         let arrivals = self.arrivals();
         let step_s = self.period_s / self.substeps as f64;
         let start_s = self.time_s();
@@ -220,7 +229,7 @@ impl Plant {
         self.cycle as f64 * self.period_s
     }
 
-    fn begin_period(&mut self, command: &PlantCommand) {
+    fn begin_period(&mut self, fresh: bool, commands: &[JointCommand; JOINTS_MAX]) {
         let time_s = self.time_s();
         while self
             .chains
@@ -234,15 +243,14 @@ impl Plant {
         for push in self.pushes.iter().filter(now) {
             self.external_nm[push.joint] += push.torque_nm;
         }
-        for (index, joint) in self.joints.iter_mut().enumerate() {
+        for (joint, command) in self.joints.iter_mut().zip(commands) {
             joint.refresh(time_s);
-            let (torque_nm, velocity_rad_s) = (
-                command.motor_torque_nm[index],
-                command.joint_velocity_rad_s[index],
+            let setpoint = Setpoint::new(
+                command.mode,
+                command.motor_torque_nm,
+                command.joint_velocity_rad_s,
             );
-            let mode = command.joint_mode[index].unwrap_or(command.mode);
-            let setpoint = Setpoint::new(mode, torque_nm, velocity_rad_s);
-            joint.send(self.cycle, setpoint.filter(|_| command.fresh));
+            joint.send(self.cycle, setpoint.filter(|_| fresh));
         }
     }
 

@@ -44,6 +44,28 @@ impl Default for PlantCommand {
     }
 }
 
+impl PlantCommand {
+    /// What it asks of each joint.
+    pub(crate) fn joints(&self) -> [JointCommand; JOINTS_MAX] {
+        core::array::from_fn(|joint| JointCommand {
+            mode: self.joint_mode[joint].unwrap_or(self.mode),
+            motor_torque_nm: self.motor_torque_nm[joint],
+            joint_velocity_rad_s: self.joint_velocity_rad_s[joint],
+        })
+    }
+}
+
+/// One period's command to one joint's drive.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct JointCommand {
+    /// What to do.
+    pub mode: PlantMode,
+    /// Used in torque mode; motor side.
+    pub motor_torque_nm: f64,
+    /// Used in velocity mode; joint side.
+    pub joint_velocity_rad_s: f64,
+}
+
 /// What a joint's drive does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DriveState {

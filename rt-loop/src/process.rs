@@ -188,8 +188,6 @@ struct Loop<D> {
     last_cycles_writer: Writer<LastCycle>,
     lockstep: Option<LockstepPeers>,
     woke_before_ns: Option<u64>,
-    /// By how much the next instants move for the drives' clock.
-    clock_step_ns: i64,
 }
 
 impl<D: Driver> Loop<D> {
@@ -222,7 +220,6 @@ impl<D: Driver> Loop<D> {
             heartbeat: bus.writer(&Role::Loop.heartbeat())?,
             lockstep,
             woke_before_ns: None,
-            clock_step_ns: 0,
         })
     }
 
@@ -260,11 +257,12 @@ impl<D: Driver> Loop<D> {
                 skipped = monotonic_ns().saturating_sub(due_ns) / self.config.period_ns;
             }
             cycle += skipped;
-            self.cycle(cycle, due_ns, skipped);
-            if realtime {
-                epoch_ns = epoch_ns.saturating_add_signed(self.clock_step_ns);
-            }
+            let sample_came = self.cycle(cycle, due_ns, skipped);
             cycle += 1;
+            if realtime && sample_came {
+                let later_ns = bus_clock::step_ns(&self.state.bus, self.config.period_ns);
+                epoch_ns = epoch_ns.saturating_add_signed(later_ns);
+            }
         }
         self.send_brake(cycle, epoch_ns + cycle * self.config.period_ns);
         while self.hand_out_last_cycle() {}
@@ -274,8 +272,8 @@ impl<D: Driver> Loop<D> {
         self.report(held.map(|(grant, _held)| grant), wall_s, cycle, &steal_log)
     }
 
-    /// One cycle. `due_ns` is the instant planned after the last one; `skipped` periods have passed since.
-    fn cycle(&mut self, cycle: u64, due_ns: u64, skipped: u64) {
+    /// One cycle; whether its sample came. `due_ns` is the instant planned after the last one; `skipped` periods have passed since.
+    fn cycle(&mut self, cycle: u64, due_ns: u64, skipped: u64) -> bool {
         let planned_ns = due_ns + skipped * self.config.period_ns;
         let woke_ns = monotonic_ns();
         let read_until_ns = if self.lockstep.is_some() {
@@ -293,9 +291,6 @@ impl<D: Driver> Loop<D> {
                 Ok(sample)
             });
         let read_ns = monotonic_ns();
-        self.clock_step_ns = sample.as_ref().map_or(0, |sample| {
-            bus_clock::step_ns(&sample.bus, self.config.period_ns)
-        });
         let asked = sample.as_ref().ok().map(|sample| self.ask(cycle, sample));
         let asked_ns = monotonic_ns();
         let command = asked.and_then(|asked| self.await_command(&asked.header, planned_ns));
@@ -351,6 +346,7 @@ impl<D: Driver> Loop<D> {
         let status = self.publish_status(&output, &times);
         self.keep(status, asked, command);
         self.prepare_next(cycle);
+        facts.sample_came
     }
 
     fn ask(&mut self, cycle: u64, sample: &DriveSample) -> SensorSample {

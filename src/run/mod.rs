@@ -230,6 +230,7 @@ impl Plan {
             initial_position_rad: start.position_rad[..robot.joints.len()].to_vec(),
         };
         check_control(&config, robot.clone(), loaded)?;
+        crate::drives::check_hardware(&config, &robot)?;
         Ok(Self {
             instance,
             config,

@@ -1,14 +1,22 @@
 //! What can be typed after `flexspline drives`.
 
+mod ethercat;
 mod moteus;
 
+pub use self::ethercat::*;
 pub use self::moteus::*;
 
-use clap::Subcommand;
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
 
 /// `flexspline drives`
 #[derive(Debug, Subcommand)]
 pub enum DrivesCommand {
+    /// Say which slaves are on an EtherCAT interface, and what their axes are
+    Scan(ScanArguments),
+    /// Read back from the drives what matters and hold it against the robot file; nothing moves
+    Check(CheckArguments),
     /// Virtual drives on an emulated robot, for drivers, tests and tools that have no hardware
     #[command(subcommand)]
     Emulate(EmulateCommand),
@@ -19,4 +27,48 @@ pub enum DrivesCommand {
 pub enum EmulateCommand {
     /// moteus drives behind pseudo-terminals that speak the fdcanusb line protocol
     Moteus(EmulateMoteusArguments),
+    /// EtherCAT drives with CiA 402 on a network interface, for any master
+    Ethercat(EmulateEthercatArguments),
+}
+
+/// `flexspline drives scan`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline drives scan --interface eth1
+  flexspline drives scan --interface eth1 --json -
+
+The slaves are brought to PRE-OP and back to INIT. Nothing is written to their objects.
+Exit code: 0 slaves were found, 2 bad input: no interface, no permission, no slaves, another master.")]
+pub struct ScanArguments {
+    /// Network interface of the drives
+    #[arg(long, value_name = "NAME")]
+    pub interface: String,
+    /// Where to write the same as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
+}
+
+/// `flexspline drives check`
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  flexspline drives check --robot arm.toml
+  flexspline drives check --robot arm.toml --rate 1000
+
+The drives are configured as for a run, up to SAFE-OP, and left in INIT. Brakes stay closed.
+Exit code: 0 they fit the robot file, 2 they do not, or bad input.")]
+pub struct CheckArguments {
+    /// Robot file with a [drive] table
+    #[arg(long, value_name = "FILE")]
+    pub robot: String,
+    /// Driver that reaches the drives
+    #[arg(long, default_value = "ethercat", value_name = "NAME")]
+    pub driver: String,
+    /// Cycles a second that they are to run at; control.rate_hz of the robot file if not given, 1500 where it has none
+    #[arg(long, value_name = "HZ")]
+    pub rate: Option<f64>,
+    /// Where to write the same as JSON; - for standard output
+    #[arg(long, value_name = "PATH")]
+    pub json: Option<PathBuf>,
 }

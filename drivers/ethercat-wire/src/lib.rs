@@ -1,0 +1,4 @@
+//! What a master and a slave on EtherCAT share: frames as bytes, and a raw socket for them.
+
+pub mod frame;
+pub mod socket;
