@@ -40,7 +40,7 @@ fn each_wrong_argument_is_named_with_its_remedy() {
     refused(
         &bench,
         &["--driver", "can"],
-        &["`can`", "emulator, ethercat"],
+        &["`can`", "emulator, process, ethercat, moteus"],
     );
     refused(&bench, &["--duration", "1us"], &["--duration", "667 µs"]);
     refused(&bench, &["--inject", "missing.toml"], &["missing.toml"]);

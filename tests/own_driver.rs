@@ -92,7 +92,7 @@ fn a_package_of_ones_own_runs_with_its_driver() {
     let slow_file = std::env::temp_dir().join(format!("{}.toml", bench.instance));
     std::fs::write(&slow_file, slow).expect("written");
     let refused = run(&slow_file.display().to_string());
-    assert_eq!(refused.status.code(), Some(1), "{}", text(&refused));
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused));
     assert!(
         text(&refused).contains("watchdog waits 500 ms"),
         "{}",

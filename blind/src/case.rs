@@ -25,7 +25,7 @@ use crate::tolerance::Tolerance;
 use crate::unlisted::Unlisted;
 
 /// Rigs and motions that are drawn before a case is given up.
-const DRAWS: usize = 40;
+const DRAWS: usize = 80;
 /// Effects that are tried on one rig before another is drawn.
 const EFFECTS_TRIED: usize = 5;
 /// A run without effects must stay below this part of the drive's torque.

@@ -15,7 +15,7 @@ const WAITING_NS: u64 = 2_900_000_000;
 
 /// Drives that are ready must be enabled in this time. CiA 402 drives need three exchanges and their brake's release, up to some
 /// tenths of a second; the rest is for a bus that loses frames.
-const ENABLING_NS: u64 = 3_000_000_000;
+pub const ENABLING_NS: u64 = 3_000_000_000;
 /// Drives that were damped must be enabled again in this time: as long as a holding brake may take, and short enough that a damped
 /// PA-10 falls by less than half a radian.
 const REENABLING_NS: u64 = 500_000_000;

@@ -6,8 +6,10 @@ use std::path::Path;
 use motion::{SampledJoint, SampledReference, Trajectory};
 use recording::{CycleRow, Header, Recording, Signal, Writer};
 use robot::Robot;
+use rt_loop::config::ENABLING_NS;
 use services::relay::{record_row, recorded_control, recording_header};
 use shm_types::instance::{Mode, RunConfig, Wait};
+use shm_types::messages::{LoopState, LoopStatus};
 use twin::TwinError;
 
 use super::{cannot_write, read};
@@ -206,8 +208,10 @@ impl Twin<'_> {
         let start_ns = (run.start_s * 1e9).round().max(0.0) as u64;
         let segment = run.segment;
         let last_row = (run.duration_s() * 1e9 / row_ns as f64).round() as u64;
+        let last_cycle = last_row * self.every;
         let config = RunConfig {
-            cycles: last_row * self.every + 1,
+            // within this the drives are enabled, or the loop stops for safety
+            cycles: last_cycle + 1 + ENABLING_NS / self.config.period_ns,
             initial_position_rad: run
                 .reference
                 .joints
@@ -219,21 +223,30 @@ impl Twin<'_> {
         let trajectory = Trajectory::sampled(run.reference, self.robot).map_err(CliError::input)?;
         let (mut joints, mut truth) = (Vec::new(), Vec::new());
         let mut written = Ok(());
+        // what was recorded begins with the motion or stands first; the twin's drives are enabled before either
+        let mut enabled = None;
         twin::simulate_nominal(&config, self.robot, trajectory, |messages| {
-            if !messages.cycle.is_multiple_of(self.every) {
+            let is_running = |status: &LoopStatus| status.state == LoopState::Running as u32;
+            if enabled.is_none() && messages.status.as_ref().is_some_and(is_running) {
+                enabled = Some(messages.cycle);
+            }
+            let Some(cycle) = enabled.map(|enabled| messages.cycle - enabled) else {
+                return true;
+            };
+            if !cycle.is_multiple_of(self.every) {
                 return true;
             }
             let loop_cycle = record_row(messages, self.robot.joints.len(), &mut joints, &mut truth);
             joints.iter_mut().for_each(|joint| joint.segment = segment);
             written = writer.write_cycle(&CycleRow {
                 cycle: *rows,
-                time_ns: start_ns + messages.cycle / self.every * row_ns,
+                time_ns: start_ns + cycle / self.every * row_ns,
                 loop_cycle: loop_cycle.as_ref(),
                 joints: &joints,
                 truth: Some(&truth),
             });
             *rows += 1;
-            written.is_ok()
+            written.is_ok() && cycle < last_cycle
         })
         .map_err(|error| match error {
             stop @ TwinError::SafeStop { .. } => CliError::Negative(stop.to_string()),
