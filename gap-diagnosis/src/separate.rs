@@ -22,6 +22,9 @@ use crate::twin::{Changes, JointTwin, Row};
 /// Known values stay within so many of their deviations.
 const TOLERANCE: f64 = 3.0;
 
+/// What rows are told apart by: its name, and what a row has of it.
+type Variable<'a> = (&'a str, &'a dyn Fn(&Row) -> f64);
+
 /// A question: could the other effect be taken for this one?
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
@@ -213,7 +216,7 @@ impl<'a> Responses<'a> {
             .map(|k| self.search.whitener.weight(*k) * left_nm[*k])
             .collect();
         let ratio = self.search.scale.gear_ratio;
-        let variables: [(&str, &dyn Fn(&Row) -> f64); 4] = [
+        let variables: [Variable<'_>; 4] = [
             ("position_rad", &|row| row.position_rad),
             ("motor_velocity_rad_s", &|row| ratio * row.velocity_rad_s),
             ("load_nm", &|row| row.load_nm),

@@ -248,7 +248,6 @@ impl<'a> Joint<'a> {
             since_reversal_s: self.since_reversal_s(),
             nominal_nm: both.map(|(measured, gap)| measured - gap).collect(),
             measured_nm: measured_nm[..count].to_vec(),
-            ..Rows::default()
         })
     }
 

@@ -162,12 +162,12 @@ impl Found<'_> {
         let shared = self.shared.map(|_| shares.of[shares.of.len() - 1]);
         let gap_nm = self.rows.gap_nm();
         // the rows are those of the first signal
-        let rest_nm: Vec<f64> = self.evidence.gap_nm()[..self.rows.len()]
+        let rest_nm: Vec<f64> = self.evidence.gap_nm()[..self.rows.count()]
             .iter()
             .zip(&fit.predicted_nm)
             .map(|(gap, predicted)| gap - predicted)
             .collect();
-        let rows = self.rows.len() as f64;
+        let rows = self.rows.count() as f64;
         let noise = self.noise_square / rows;
         let nothing = game.left[0].iter().sum::<f64>() / rows - noise;
         let left = best.left.iter().sum::<f64>() / rows - noise;
@@ -426,7 +426,7 @@ impl Found<'_> {
 
     /// `above`: mean square above the noise that shares are parts of.
     fn gap(&self, best: &Scored, shares: &Shares, gap_nm: &[f64], above: f64) -> Gap {
-        let rows = self.rows.len().max(1) as f64;
+        let rows = self.rows.count().max(1) as f64;
         let before = gap_nm.iter().map(|x| x * x).sum::<f64>() / rows;
         let after = best.left.iter().sum::<f64>() / rows;
         let noise = self.noise_square / rows;
@@ -539,7 +539,7 @@ fn bands(rows: &Rows, gap_nm: &[f64]) -> Vec<BandShare> {
     let Some((first, last)) = ends.filter(|(first, last)| last > first && square > 0.0) else {
         return Vec::new();
     };
-    let rate_hz = (rows.len() - 1) as f64 / (last - first);
+    let rate_hz = (rows.count() - 1) as f64 / (last - first);
     let below = |hz: f64| {
         let smooth = Band::of(rate_hz, hz).limit(gap_nm).unwrap_or_default();
         smooth.iter().map(|x| x * x).sum::<f64>() / square

@@ -207,7 +207,7 @@ fn said(
             rows: &joint.rows.seen,
             called: &called,
             gear_ratio: joint.drive.model().gear_ratio,
-            noise_square: joint.rows.noise_nm.powi(2) * joint.rows.seen.len() as f64,
+            noise_square: joint.rows.noise_nm.powi(2) * joint.rows.seen.count() as f64,
             evidence: &best.evidence,
             alone: &alone.evidence,
             sets: &best.sets,
@@ -272,7 +272,7 @@ impl Joint {
 
     fn spans(&self) -> [Span; 1] {
         [Span {
-            rows: 0..self.rows.seen.len(),
+            rows: 0..self.rows.seen.count(),
             floor_nm: 0.0,
         }]
     }
@@ -295,7 +295,7 @@ impl Joint {
     }
 
     fn signal_gap(&self) -> SignalGap {
-        let rows = self.rows.seen.len().max(1) as f64;
+        let rows = self.rows.seen.count().max(1) as f64;
         let gap_nm = self.rows.seen.gap_nm();
         let square = gap_nm.iter().map(|x| x * x).sum::<f64>() / rows;
         SignalGap {
@@ -370,7 +370,7 @@ impl Joint {
         }
         if let Some(command_nm) = &self.rows.command_nm {
             let rms = |of: &dyn Fn(usize) -> f64| {
-                let rows = 0..self.rows.seen.len();
+                let rows = 0..self.rows.seen.count();
                 rows.map(|k| of(k).powi(2)).sum::<f64>().sqrt()
             };
             let apart = rms(&|k| command_nm[k] - self.rows.seen.measured_nm[k])
@@ -618,7 +618,7 @@ fn worth(alone: &Searched, with: &Searched) -> f64 {
 
 /// What the other joints do, in a joint's rows; only where rows are the same.
 fn others(joints: &[Joint], own: usize) -> Vec<Vec<f64>> {
-    let rows = joints[own].rows.seen.len();
+    let rows = joints[own].rows.seen.count();
     let others = joints.iter().enumerate().filter(|(k, _)| *k != own);
     others
         .filter(|(_, joint)| joint.rows.seen.time_s == joints[own].rows.seen.time_s)

@@ -206,7 +206,7 @@ impl JointRows {
         let mut gram = SMatrix::<f64, 4, 4>::identity() * f64::MIN_POSITIVE;
         let mut vector = SVector::<f64, 4>::zeros();
         let mut squares = SVector::<f64, 4>::zeros();
-        let mean_nm = self.rigid_nm.iter().sum::<f64>() / self.seen.len().max(1) as f64;
+        let mean_nm = self.rigid_nm.iter().sum::<f64>() / self.seen.count().max(1) as f64;
         for (k, slip) in slip.iter().enumerate() {
             let x = SVector::from([
                 self.rigid_nm[k] - mean_nm,
