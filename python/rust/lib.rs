@@ -26,6 +26,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<diagnosis::Diagnosis>()?;
     module.add_function(wrap_pyfunction!(diagnosis::diagnose, module)?)?;
     module.add_function(wrap_pyfunction!(diagnosis::mended, module)?)?;
+    module.add_function(wrap_pyfunction!(diagnosis::words, module)?)?;
     module.add_class::<live::Attachment>()?;
     module.add_class::<live::Watch>()?;
     module.add_function(wrap_pyfunction!(experiments::simulate_recording, module)?)?;

@@ -1,6 +1,7 @@
 """An instance that runs, seen from Python."""
 
 import os
+import signal
 import subprocess
 import sysconfig
 import time
@@ -27,13 +28,14 @@ def instance():
             break
         except fx.InputError:
             time.sleep(0.1)
-    yield name
+    yield name, run
     run.terminate()
     run.wait(30)
 
 
 def test_rows_come_as_long_as_it_runs(instance):
-    with fx.attach(instance) as attached:
+    name, run = instance
+    with fx.attach(name) as attached:
         assert attached.joints == ["joint1"]
         taken = []
         for rows in attached:
@@ -48,8 +50,16 @@ def test_rows_come_as_long_as_it_runs(instance):
         assert attached.robot.joints == ["joint1"]
         assert attached.lost == 0
     for _ in range(20):
-        with fx.attach(instance) as attached:
+        with fx.attach(name) as attached:
             assert len(next(iter(attached)))
+    with fx.attach(name) as attached:
+        batches = iter(attached)
+        assert next(batches)["cycle"][0] > rows["cycle"][-1]
+        run.send_signal(signal.SIGINT)
+        for _ in batches:
+            pass
+    with pytest.raises(fx.InputError, match="is running"):
+        fx.attach(name)
 
 
 def test_nobody_there_is_said():

@@ -5,7 +5,24 @@ from typing import Optional, Union, final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__: list[str]
+__all__ = [
+    "Attachment",
+    "Diagnosis",
+    "MATERIALITY",
+    "Recording",
+    "Robot",
+    "SIGNALS",
+    "Watch",
+    "__version__",
+    "diagnose",
+    "identify",
+    "inverse_dynamics",
+    "mended",
+    "simulate_recording",
+    "simulate_trajectory",
+    "suggest",
+    "words",
+]
 __version__: str
 SIGNALS: list[str]
 MATERIALITY: float
@@ -74,6 +91,7 @@ def diagnose(
 def mended(
     robot: Robot, report: str, remaining: bool
 ) -> tuple[Robot, list[tuple[Optional[str], str, str]], list[str]]: ...
+def words(effect: str) -> str: ...
 
 @final
 class Attachment:
