@@ -22,6 +22,7 @@ use robot::{Effect, Robot};
 use crate::diagnose::{
     DiagnoseError, Diagnosis, JointTraces, Progress, blank_report, insufficient,
 };
+use crate::evidence::Presupposed;
 use crate::evidence::arm::{self, Cause};
 use crate::evidence::imitation;
 use crate::evidence::shares::Interval;
@@ -258,11 +259,16 @@ fn joints(robot: &Robot, read: &[Read], pieces: &[Piece]) -> Result<Vec<Joint>, 
 
 impl Joint {
     fn items(&self) -> Vec<Item<'_>> {
-        let expects_friction = self.drive.is_smooth();
+        let expects_friction = self.drive.rubs_unmeasured();
         let laws = self.rows.laws.iter();
         laws.map(|(law, columns)| Item {
             kind: law.kind(),
             cost: law.cost(expects_friction),
+            presupposed: if expects_friction {
+                law.presupposes(self.rows.laws.iter().map(|(law, _)| *law))
+            } else {
+                Presupposed::NOTHING
+            },
             deviation: law.deviation(),
             is_usual: law.is_usual(),
             columns,
