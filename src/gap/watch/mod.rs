@@ -2,6 +2,8 @@
 
 mod live;
 
+pub use live::Feed;
+
 use std::fmt::Write;
 use std::path::Path;
 
