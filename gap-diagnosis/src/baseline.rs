@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use joint_model::filter::FilterError;
+use crate::twin::TwinError;
 use nalgebra::{DMatrix, DVector};
 use recording::Recording;
 use robot::Robot;
@@ -65,7 +65,7 @@ pub fn baseline(
             let about = closed_loop::about_the_file(&search)?;
             Ok(told(name, &search, choices(&about, method)))
         })
-        .collect::<Result<Vec<_>, FilterError>>()?;
+        .collect::<Result<Vec<_>, TwinError>>()?;
     Ok(report)
 }
 

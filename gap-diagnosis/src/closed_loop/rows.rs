@@ -1,7 +1,7 @@
 //! A joint's recordings beside its twin, as the evidence takes them: compared rows signal by signal, what the robot file needs and may
 //! be wrong about, and the response to every effect, all about one model.
 
-use joint_model::filter::FilterError;
+use crate::twin::TwinError;
 
 use crate::closed_loop::respond::Linear;
 use crate::closed_loop::search::{Model, Search, Term, difference};
@@ -137,12 +137,8 @@ impl About {
     /// Of the model's responses.
     ///
     /// # Errors
-    /// [`FilterError`].
-    pub fn of(
-        search: &Search<'_>,
-        compared: &Compared,
-        model: &Model,
-    ) -> Result<Self, FilterError> {
+    /// [`TwinError`].
+    pub fn of(search: &Search<'_>, compared: &Compared, model: &Model) -> Result<Self, TwinError> {
         let mut model = model.clone();
         model.known.resize(search.twin.known.len(), 0.0);
         let base_nm = search.coarsely_nm(&model)?;
@@ -408,7 +404,7 @@ pub fn own_columns(
     base_nm: &[f64],
     model: &Model,
     place: usize,
-) -> Result<Vec<Vec<f64>>, FilterError> {
+) -> Result<Vec<Vec<f64>>, TwinError> {
     let term = &model.terms[place];
     let values = Search::values(&term.hypothesis);
     (0..values)
