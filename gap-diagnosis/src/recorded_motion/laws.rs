@@ -16,7 +16,7 @@ use crate::twin::joint::JointModel;
 /// viscous friction's.
 const STRIBECK_PARTS: [f64; 3] = [0.05, 0.15, 0.4];
 /// True over nominal torque within this: what is off by more is another unit, side or sign, which the checks of a recording find.
-const GAIN: [f64; 2] = [0.5, 2.0];
+pub const GAIN: [f64; 2] = [0.5, 2.0];
 /// What Coulomb and viscous friction cost less where nobody measured a joint's friction, in nats: every joint rubs, and it is the odds
 /// of a cause nobody expects that a name costs. A law that corrects one of them costs as much more where that one is not named.
 const EXPECTED_NATS: f64 = 2.0;
