@@ -122,7 +122,7 @@ fn refit(search: &Search<'_>) -> Result<[f64; 3], Box<dyn Error>> {
     };
     let offered = plain(&search.scale, shown).into_iter();
     let terms = offered
-        .filter(|hypothesis| NAMES.contains(&hypothesis.effect))
+        .filter(|hypothesis| NAMES.contains(&hypothesis.name()))
         .map(|hypothesis| Term {
             amplitudes: vec![0.0; hypothesis.amplitudes()],
             hypothesis,

@@ -87,7 +87,7 @@ fn choices(about: &About, method: Baseline) -> Vec<Choice> {
             let (hypothesis, own) = (&response.term.hypothesis, &response.columns);
             let (left, amplitudes) = least_squares(beside, own, &target);
             Choice {
-                effect: hypothesis.effect,
+                effect: hypothesis.name(),
                 score: match method {
                     Baseline::LargestR2 => 1.0 - left / without.max(1e-300),
                     Baseline::Bic => bic(left, beside.len() + own.len() + hypothesis.shape.len()),

@@ -61,7 +61,7 @@ fn best_of(about: &About, evidence: &Evidence, names: &[&str]) -> Names {
     for name in names {
         let responses = about.responses.iter().enumerate();
         let own: Vec<usize> = responses
-            .filter(|(_, response)| response.term.hypothesis.effect == *name)
+            .filter(|(_, response)| response.term.hypothesis.name() == *name)
             .map(|(item, _)| item)
             .collect();
         if !own.is_empty() {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::twin::TwinError;
 use nalgebra::DMatrix;
+use robot::EffectKind;
 
 use crate::closed_loop::search::{Model, Search, difference};
 use crate::closed_loop::spectrum::{Beside, below, most_seen, peaks};
@@ -124,7 +125,7 @@ impl Search<'_> {
         let mut cycles: Vec<f64> = linear
             .hypotheses
             .iter()
-            .filter(|(hypothesis, _)| hypothesis.effect == "torque_ripple")
+            .filter(|(hypothesis, _)| hypothesis.kind == EffectKind::TorqueRipple)
             .map(|(hypothesis, _)| hypothesis.shape[0])
             .collect();
         let there = cycles.len();

@@ -273,7 +273,7 @@ impl About {
                 kind: response.kind,
                 cost: response.cost,
                 deviation: Some(response.term.hypothesis.plausible_steps()),
-                is_usual: USUAL.contains(&response.term.hypothesis.effect),
+                is_usual: USUAL.contains(&response.term.hypothesis.name()),
                 columns: &response.columns,
             })
             .collect()
@@ -335,7 +335,7 @@ impl About {
 
     /// Whether every joint may have it.
     pub fn is_usual(&self, item: usize) -> bool {
-        USUAL.contains(&self.responses[item].term.hypothesis.effect)
+        USUAL.contains(&self.responses[item].term.hypothesis.name())
     }
 
     /// Kinds of a set, sorted.
@@ -362,9 +362,9 @@ pub fn kinds_of(model: &Model) -> Vec<String> {
 fn kind_name(hypothesis: &Hypothesis) -> String {
     match hypothesis.shape.first() {
         Some(cycles) if !hypothesis.repeats(hypothesis) && hypothesis.is_periodic() => {
-            format!("{} {cycles:.0}", hypothesis.effect)
+            format!("{} {cycles:.0}", hypothesis.name())
         }
-        _ => hypothesis.effect.to_owned(),
+        _ => hypothesis.name().to_owned(),
     }
 }
 

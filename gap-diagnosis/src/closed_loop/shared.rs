@@ -81,7 +81,7 @@ fn beside(
 ) -> Result<Option<(About, OfArm)>, TwinError> {
     let search = &joint.search;
     let mut hypotheses = search.hypotheses.iter();
-    let Some(hypothesis) = hypotheses.find(|of| of.effect == cause.name()) else {
+    let Some(hypothesis) = hypotheses.find(|of| of.name() == cause.name()) else {
         return Ok(None);
     };
     let steps = cause.steps(joint, hypothesis);

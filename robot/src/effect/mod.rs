@@ -95,6 +95,13 @@ pub enum Stage {
     Timing,
 }
 
+impl Stage {
+    /// Of an effect by its identifier; none where the list has no such effect.
+    pub fn of(effect: &str) -> Option<Self> {
+        EffectKind::named(effect).map(EffectKind::stage)
+    }
+}
+
 impl Part {
     /// The stage that it belongs to.
     pub fn stage(self) -> Stage {
