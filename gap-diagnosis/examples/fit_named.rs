@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let before = best.0;
     for name in arguments {
         let offered = plain(&search.scale, shown).into_iter();
-        let shapes: Vec<Hypothesis> = offered.filter(|shape| shape.effect == name).collect();
+        let shapes: Vec<Hypothesis> = offered.filter(|shape| shape.name() == name).collect();
         if shapes.is_empty() {
             return Err(
                 format!("`{name}` is no effect that this recording can be asked for").into(),

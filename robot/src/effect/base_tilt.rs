@@ -1,10 +1,6 @@
 //! Base tilt: the base rolls about its x axis, then pitches about the y axis of the world.
 
-use super::{Bodies, Full, Parameter, Scope};
-
-pub(super) const SCOPE: Scope = Scope::WholeArm;
-pub(super) const PARAMETERS: [Parameter; 2] =
-    [Parameter::new("roll_rad"), Parameter::new("pitch_rad")];
+use super::{Bodies, Full};
 
 pub(super) fn act(
     bodies: &mut Bodies,

@@ -2,10 +2,7 @@
 
 use joint_model::friction::SteadyFriction;
 
-use super::{Full, Parameter, Scope};
-
-pub(super) const SCOPE: Scope = Scope::Joint;
-pub(super) const PARAMETERS: [Parameter; 1] = [Parameter::new("coulomb_nm").adds_up()];
+use super::Full;
 
 pub(super) fn act(
     friction: &mut SteadyFriction,

@@ -2,15 +2,7 @@
 
 use joint_model::harmonic::Harmonic;
 
-use super::{EncoderSide, Full, Parameter, Scope, Sensors};
-
-pub(super) const SCOPE: Scope = Scope::Joint;
-pub(super) const PARAMETERS: [Parameter; 4] = [
-    Parameter::new("amplitude_rad"),
-    Parameter::new("cycles_per_rev"),
-    Parameter::new("phase_rad"),
-    Parameter::new("side"),
-];
+use super::{EncoderSide, Full, Sensors};
 
 pub(super) fn act(
     sensors: &mut dyn Sensors,

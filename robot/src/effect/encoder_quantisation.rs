@@ -1,12 +1,6 @@
 //! Encoder quantisation: an encoder's step, in angle of its side. The last of several counts, at once.
 
-use super::{EncoderSide, Full, Parameter, Scope, Sensors};
-
-pub(super) const SCOPE: Scope = Scope::Joint;
-pub(super) const PARAMETERS: [Parameter; 2] = [
-    Parameter::new("resolution_rad").each_is_positive(),
-    Parameter::new("side"),
-];
+use super::{EncoderSide, Full, Sensors};
 
 pub(super) fn act(
     sensors: &mut dyn Sensors,

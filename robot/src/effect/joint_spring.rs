@@ -2,13 +2,7 @@
 
 use joint_model::joint_spring::JointSpring;
 
-use super::{Full, Load, Parameter, Scope};
-
-pub(super) const SCOPE: Scope = Scope::Joint;
-pub(super) const PARAMETERS: [Parameter; 2] = [
-    Parameter::new("stiffness_nm_rad"),
-    Parameter::new("rest_rad"),
-];
+use super::{Full, Load};
 
 pub(super) fn act(
     load: &mut dyn Load,

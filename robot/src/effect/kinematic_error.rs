@@ -2,20 +2,7 @@
 
 use joint_model::transmission::KinematicHarmonic;
 
-use super::{Full, Gear, Parameter, Scope};
-
-pub(super) const SCOPE: Scope = Scope::Joint;
-pub(super) const PARAMETERS: [Parameter; 9] = [
-    Parameter::new("amplitude_rad"),
-    Parameter::new("cycles_per_motor_rev"),
-    Parameter::new("phase_rad"),
-    Parameter::new("amplitude_rad_2"),
-    Parameter::new("cycles_per_motor_rev_2"),
-    Parameter::new("phase_rad_2"),
-    Parameter::new("amplitude_rad_3"),
-    Parameter::new("cycles_per_motor_rev_3"),
-    Parameter::new("phase_rad_3"),
-];
+use super::{Full, Gear};
 
 #[expect(
     clippy::too_many_arguments,

@@ -1,8 +1,8 @@
 //! The effects by which a simulation and a robot may differ: one table, one file an effect.
 //!
-//! An effect's line in the table gives its identifier and its parameters, as robot files, injection files and gap reports write them,
-//! and the [`Part`] of a joint that it changes. Its file says whether it may act on several joints at once, what its parameters may be,
-//! and what it does. Whoever has joints takes it from here: see [`parts`].
+//! An effect's line in the table gives its identifier and its parameters, as robot files, injection files and gap reports
+//! write them, what these may be, the [`Part`] of a joint that it changes, and its [`Scope`]. Its file says what it does to
+//! that part. Whoever has joints takes it from here: see [`parts`].
 
 mod asymmetric_friction;
 mod backlash;
@@ -185,39 +185,12 @@ impl Parameter {
     }
 }
 
-/// A part of [`JointParts`] by the name of its [`Part`].
-macro_rules! part_of {
-    ($on:ident, Friction) => {
-        $on.friction()
-    };
-    ($on:ident, Warming) => {
-        $on.warming()
-    };
-    ($on:ident, Gear) => {
-        $on.gear()
-    };
-    ($on:ident, Actuator) => {
-        $on.actuator()
-    };
-    ($on:ident, Load) => {
-        $on.load()
-    };
-    ($on:ident, Bodies) => {
-        $on.bodies()
-    };
-    ($on:ident, Sensors) => {
-        $on.sensors()
-    };
-    ($on:ident, Bus) => {
-        $on.bus()
-    };
-}
-
-/// `Effect { parameters } changes Part in file`: the enum, and from each effect's file what the table says of it.
+/// `Effect { parameter: type = rules } changes Part by part.file of Scope`, the scope being one joint where nothing is said.
 macro_rules! effects {
     ($(
         $(#[$about:meta])*
-        $name:ident { $($(#[$how:meta])* $value:ident: $type:ty),* $(,)? } changes $part:ident in $file:ident,
+        $name:ident { $($(#[$how:meta])* $value:ident: $type:ty $(= $($rule:ident)+)?),* $(,)? }
+            changes $part:ident by $on:ident.$file:ident $(of $scope:ident)?,
     )*) => {
         /// One effect with its parameters. SI units; friction at the joint side.
         ///
@@ -256,7 +229,7 @@ macro_rules! effects {
             /// [`Full`] where there is no room for it.
             pub fn act(&self, on: &mut dyn JointParts, strength: f64) -> Result<(), Full> {
                 match *self {
-                    $(Self::$name { $($value),* } => match part_of!(on, $part) {
+                    $(Self::$name { $($value),* } => match on.$on() {
                         Some(part) => $file::act(part, strength, $($value),*),
                         None => Ok(()),
                     },)*
@@ -278,21 +251,16 @@ macro_rules! effects {
             /// Which joints one cause of it may act on.
             pub fn scope(self) -> Scope {
                 match self {
-                    $(Self::$name => $file::SCOPE,)*
+                    $(Self::$name => [$(Scope::$scope,)? Scope::Joint][0],)*
                 }
             }
 
             /// Its parameters, in the order in which files write them.
             pub fn parameters(self) -> &'static [Parameter] {
                 match self {
-                    $(Self::$name => &$file::PARAMETERS,)*
-                }
-            }
-
-            #[cfg(test)]
-            fn values(self) -> &'static [&'static str] {
-                match self {
-                    $(Self::$name => &[$(stringify!($value)),*],)*
+                    $(Self::$name => const {
+                        &[$(Parameter::new(stringify!($value))$($(.$rule())+)?),*]
+                    },)*
                 }
             }
         }
@@ -300,23 +268,23 @@ macro_rules! effects {
 }
 
 effects! {
-    CoulombFriction { coulomb_nm: f64 } changes Friction in coulomb_friction,
-    ViscousFriction { viscous_nm_s_rad: f64 } changes Friction in viscous_friction,
-    QuadraticFriction { quadratic_nm_s2_rad2: f64 } changes Friction in quadratic_friction,
+    CoulombFriction { coulomb_nm: f64 = adds_up } changes Friction by friction.coulomb_friction,
+    ViscousFriction { viscous_nm_s_rad: f64 = adds_up } changes Friction by friction.viscous_friction,
+    QuadraticFriction { quadratic_nm_s2_rad2: f64 = adds_up } changes Friction by friction.quadratic_friction,
     /// Breakaway minus Coulomb; negative where friction rises with speed. `stribeck_nm·exp(-|v|/stribeck_velocity)`.
     StribeckFriction {
         stribeck_nm: f64,
-        stribeck_velocity_rad_s: f64,
-    } changes Friction in stribeck_friction,
+        stribeck_velocity_rad_s: f64 = each_is_positive,
+    } changes Friction by friction.stribeck_friction,
     /// Half the difference between the directions.
-    AsymmetricFriction { asymmetry_nm: f64 } changes Friction in asymmetric_friction,
+    AsymmetricFriction { asymmetry_nm: f64 = adds_up } changes Friction by friction.asymmetric_friction,
     /// Nm of friction per Nm of load.
-    LoadDependentFriction { load_coefficient: f64 } changes Friction in load_dependent_friction,
+    LoadDependentFriction { load_coefficient: f64 = adds_up } changes Friction by friction.load_dependent_friction,
     PositionDependentFriction {
         amplitude_nm: f64,
         cycles_per_motor_rev: f64,
         phase_rad: f64,
-    } changes Friction in position_dependent_friction,
+    } changes Friction by friction.position_dependent_friction,
     /// Joint side, up to three harmonics.
     KinematicError {
         amplitude_rad: f64,
@@ -334,83 +302,83 @@ effects! {
         cycles_per_motor_rev_3: f64,
         #[serde(default, skip_serializing_if = "is_zero")]
         phase_rad_3: f64,
-    } changes Gear in kinematic_error,
-    TorsionalCompliance { stiffness_nm_rad: f64 } changes Gear in torsional_compliance,
+    } changes Gear by gear.kinematic_error,
+    TorsionalCompliance { stiffness_nm_rad: f64 = sum_is_positive adds_up } changes Gear by gear.torsional_compliance,
     /// Stiffness below the knee torque.
     SoftWindup {
-        low_stiffness_nm_rad: f64,
-        knee_nm: f64,
-    } changes Gear in soft_windup,
+        low_stiffness_nm_rad: f64 = sum_is_positive,
+        knee_nm: f64 = sum_is_not_negative,
+    } changes Gear by gear.soft_windup,
     TorsionalHysteresis {
-        width_nm: f64,
-        yield_rad: f64,
-    } changes Gear in torsional_hysteresis,
+        width_nm: f64 = sum_is_not_negative,
+        yield_rad: f64 = each_is_positive,
+    } changes Gear by gear.torsional_hysteresis,
     StructuralDamping {
-        damping_nm_s_rad: f64,
-        exponent: f64,
-    } changes Gear in structural_damping,
-    Backlash { gap_rad: f64 } changes Gear in backlash,
+        damping_nm_s_rad: f64 = sum_is_not_negative,
+        exponent: f64 = each_is_positive,
+    } changes Gear by gear.structural_damping,
+    Backlash { gap_rad: f64 = sum_is_not_negative adds_up } changes Gear by gear.backlash,
     /// Either a constant drift, or a first-order change with a time constant.
     ThermalFrictionDrift {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         drift_nm_s: Option<f64>,
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        time_constant_s: Option<f64>,
+        time_constant_s: Option<f64> = each_is_positive,
         #[serde(default, skip_serializing_if = "Option::is_none")]
         change_nm: Option<f64>,
-    } changes Warming in thermal_friction_drift,
+    } changes Warming by warming.thermal_friction_drift,
     /// True over nominal torque constant.
-    TorqueConstantError { gain: f64 } changes Actuator in torque_constant_error,
+    TorqueConstantError { gain: f64 = each_is_positive } changes Actuator by actuator.torque_constant_error,
     /// Joint side.
-    TorqueOffset { offset_nm: f64 } changes Actuator in torque_offset,
+    TorqueOffset { offset_nm: f64 = adds_up } changes Actuator by actuator.torque_offset,
     /// Motor side.
     TorqueRipple {
         amplitude_nm: f64,
         cycles_per_motor_rev: f64,
         phase_rad: f64,
-    } changes Actuator in torque_ripple,
+    } changes Actuator by actuator.torque_ripple,
     /// Motor side.
-    TorqueSaturation { limit_nm: f64 } changes Actuator in torque_saturation,
-    CurrentLoopLag { time_constant_s: f64 } changes Actuator in current_loop_lag,
+    TorqueSaturation { limit_nm: f64 = each_is_positive } changes Actuator by actuator.torque_saturation,
+    CurrentLoopLag { time_constant_s: f64 = each_is_positive adds_up } changes Actuator by actuator.current_loop_lag,
     /// A point mass in the last link's frame. A single number for the centre is the distance along that frame's z axis.
     Payload {
         mass_kg: f64,
         #[serde(deserialize_with = "point_or_distance_along_z")]
         centre_m: [f64; 3],
-    } changes Bodies in payload,
+    } changes Bodies by bodies.payload of WholeArm,
     /// Added about the joint axis.
-    LinkInertia { inertia_kg_m2: f64 } changes Bodies in link_inertia,
+    LinkInertia { inertia_kg_m2: f64 = adds_up } changes Bodies by bodies.link_inertia,
     /// Added, motor side.
-    RotorInertia { inertia_kg_m2: f64 } changes Load in rotor_inertia,
+    RotorInertia { inertia_kg_m2: f64 = adds_up } changes Load by load.rotor_inertia,
     /// `sin_nm·sin q + cos_nm·cos q`, added to the torque that holds the joint.
     GravityTorque {
-        sin_nm: f64,
-        cos_nm: f64,
-    } changes Load in gravity_torque,
+        sin_nm: f64 = adds_up,
+        cos_nm: f64 = adds_up,
+    } changes Load by load.gravity_torque,
     JointSpring {
         stiffness_nm_rad: f64,
         rest_rad: f64,
-    } changes Load in joint_spring,
+    } changes Load by load.joint_spring,
     BaseTilt {
         roll_rad: f64,
         pitch_rad: f64,
-    } changes Bodies in base_tilt,
-    EncoderOffset { offset_rad: f64 } changes Sensors in encoder_offset,
+    } changes Bodies by bodies.base_tilt of WholeArm,
+    EncoderOffset { offset_rad: f64 = adds_up } changes Sensors by sensors.encoder_offset,
     EncoderEccentricity {
         amplitude_rad: f64,
         cycles_per_rev: f64,
         phase_rad: f64,
         side: EncoderSide,
-    } changes Sensors in encoder_eccentricity,
+    } changes Sensors by sensors.encoder_eccentricity,
     EncoderQuantisation {
-        resolution_rad: f64,
+        resolution_rad: f64 = each_is_positive,
         side: EncoderSide,
-    } changes Sensors in encoder_quantisation,
-    VelocityFilterLag { cutoff_hz: f64 } changes Sensors in velocity_filter_lag,
-    CommandDelay { delay_s: f64 } changes Bus in command_delay,
-    SensorDelay { delay_s: f64 } changes Bus in sensor_delay,
-    DroppedCommands { fraction: f64 } changes Bus in dropped_commands,
-    DroppedSamples { fraction: f64 } changes Bus in dropped_samples,
+    } changes Sensors by sensors.encoder_quantisation,
+    VelocityFilterLag { cutoff_hz: f64 = each_is_positive } changes Sensors by sensors.velocity_filter_lag,
+    CommandDelay { delay_s: f64 = sum_is_not_negative adds_up } changes Bus by bus.command_delay of Bus,
+    SensorDelay { delay_s: f64 = sum_is_not_negative adds_up } changes Bus by bus.sensor_delay of Bus,
+    DroppedCommands { fraction: f64 = sum_is_fraction } changes Bus by bus.dropped_commands of Bus,
+    DroppedSamples { fraction: f64 = sum_is_fraction } changes Bus by bus.dropped_samples of Bus,
 }
 
 impl EffectKind {
@@ -544,8 +512,6 @@ mod tests {
         assert!(Effect::names().contains(&effect.name()));
         assert_eq!(Effect::names().len(), 33);
         for kind in EffectKind::ALL {
-            let parameters = kind.parameters().iter().map(|parameter| parameter.name);
-            assert!(parameters.eq(kind.values().iter().copied()), "{kind:?}");
             assert_eq!(EffectKind::named(kind.name()), Some(*kind));
         }
         for name in Effect::names() {

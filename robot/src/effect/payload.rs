@@ -1,10 +1,6 @@
 //! Payload: a point mass in the last link's frame, whatever joint it names.
 
-use super::{Bodies, Full, Parameter, Scope};
-
-pub(super) const SCOPE: Scope = Scope::WholeArm;
-pub(super) const PARAMETERS: [Parameter; 2] =
-    [Parameter::new("mass_kg"), Parameter::new("centre_m")];
+use super::{Bodies, Full};
 
 pub(super) fn act(
     bodies: &mut Bodies,

@@ -1,12 +1,6 @@
 //! Soft wind-up: a lower stiffness below the knee torque, joint side.
 
-use super::{Full, Gear, Parameter, Scope, SoftStart};
-
-pub(super) const SCOPE: Scope = Scope::Joint;
-pub(super) const PARAMETERS: [Parameter; 2] = [
-    Parameter::new("low_stiffness_nm_rad").sum_is_positive(),
-    Parameter::new("knee_nm").sum_is_not_negative(),
-];
+use super::{Full, Gear, SoftStart};
 
 pub(super) fn act(
     gear: &mut dyn Gear,

@@ -2,13 +2,7 @@
 
 use joint_model::friction::{SteadyFriction, StribeckFriction};
 
-use super::{Full, Parameter, Scope};
-
-pub(super) const SCOPE: Scope = Scope::Joint;
-pub(super) const PARAMETERS: [Parameter; 2] = [
-    Parameter::new("stribeck_nm"),
-    Parameter::new("stribeck_velocity_rad_s").each_is_positive(),
-];
+use super::Full;
 
 pub(super) fn act(
     friction: &mut SteadyFriction,

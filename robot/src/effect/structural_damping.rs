@@ -2,13 +2,7 @@
 
 use joint_model::transmission::StructuralDamping;
 
-use super::{Full, Gear, Parameter, Scope};
-
-pub(super) const SCOPE: Scope = Scope::Joint;
-pub(super) const PARAMETERS: [Parameter; 2] = [
-    Parameter::new("damping_nm_s_rad").sum_is_not_negative(),
-    Parameter::new("exponent").each_is_positive(),
-];
+use super::{Full, Gear};
 
 pub(super) fn act(
     gear: &mut dyn Gear,

@@ -5,14 +5,7 @@
 
 use joint_model::friction::ThermalFrictionDrift;
 
-use super::{Full, Parameter, Scope, Warming};
-
-pub(super) const SCOPE: Scope = Scope::Joint;
-pub(super) const PARAMETERS: [Parameter; 3] = [
-    Parameter::new("drift_nm_s"),
-    Parameter::new("time_constant_s").each_is_positive(),
-    Parameter::new("change_nm"),
-];
+use super::{Full, Warming};
 
 pub(super) fn act(
     warming: &mut dyn Warming,

@@ -2,14 +2,7 @@
 
 use joint_model::harmonic::Harmonic;
 
-use super::{Actuator, Full, Parameter, Scope};
-
-pub(super) const SCOPE: Scope = Scope::Joint;
-pub(super) const PARAMETERS: [Parameter; 3] = [
-    Parameter::new("amplitude_nm"),
-    Parameter::new("cycles_per_motor_rev"),
-    Parameter::new("phase_rad"),
-];
+use super::{Actuator, Full};
 
 pub(super) fn act(
     actuator: &mut dyn Actuator,

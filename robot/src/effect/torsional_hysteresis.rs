@@ -2,13 +2,7 @@
 
 use joint_model::transmission::TorsionalHysteresis;
 
-use super::{Full, Gear, Parameter, Scope};
-
-pub(super) const SCOPE: Scope = Scope::Joint;
-pub(super) const PARAMETERS: [Parameter; 2] = [
-    Parameter::new("width_nm").sum_is_not_negative(),
-    Parameter::new("yield_rad").each_is_positive(),
-];
+use super::{Full, Gear};
 
 pub(super) fn act(
     gear: &mut dyn Gear,
