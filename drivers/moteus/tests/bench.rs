@@ -424,30 +424,6 @@ fn frames_that_are_lost_doubled_or_late_do_not_stop_it() {
 }
 
 #[test]
-fn two_drives_with_one_identifier_are_told() {
-    use std::io::Write;
-    let rig = Rig::new("pa10", 1, true, &[]);
-    let port = rig.robot.drive.as_ref().unwrap()["ports"][0]
-        .as_str()
-        .unwrap();
-    // the second drive is told on its diagnostic channel that it is the first
-    let text = b"conf set id.id 1\n";
-    let data: String = [0x40, 1, text.len() as u8]
-        .iter()
-        .chain(text)
-        .map(|byte| format!("{byte:02x}"))
-        .collect();
-    let mut line = std::fs::OpenOptions::new().write(true).open(port).unwrap();
-    writeln!(line, "can send 0002 {data}").unwrap();
-    drop(line);
-    let told = (0..100)
-        .map(|_| rig.told())
-        .find(|told| told != "opened" && !told.contains("in use"));
-    let told = told.unwrap_or_default();
-    assert!(told.contains("two drives answer to id 1"), "{told}");
-}
-
-#[test]
 fn what_does_not_fit_is_told_before_anything_moves() {
     let mut rig = Rig::new("shd17", 1, true, &[]);
     let right = rig.robot.clone();
