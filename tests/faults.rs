@@ -173,5 +173,8 @@ fn every_fault_of_the_short_suite_ends_as_documented() {
             "{part}"
         );
     }
+    let pulled = report["virtual_time"].as_array().expect("kinds of drives");
+    let buses = pulled.iter().filter(|on| on["pulls"]["pulls"] == 20);
+    assert_eq!(buses.count(), 2, "{}", text(&output));
     assert_eq!(report["kills"]["kills"], 5, "{}", text(&output));
 }

@@ -1,23 +1,22 @@
-//! The loop with faults around it, in virtual time and one process: admission, cycle, controller and emulated drives are those
-//! of a run.
+//! The loop with faults around it, in virtual time and one process: admission, cycle, controller, driver and virtual drives are
+//! those of a run.
 
 use motion::Trajectory;
-use plant_emulator::drives::EmulatedDrives;
-use plant_emulator::process::emulated_plant;
-use plant_emulator::{Plant, PlantError};
 use robot::Robot;
 use rt_loop::admission::{admits_command, check_sample};
+use rt_loop::bus_clock;
 use rt_loop::config::cycle_config;
 use rt_loop::cycle::{CycleConfig, CycleInput, CycleState, Orders};
-use rt_loop::driver::{Capabilities, DriveFault, Driver};
+use rt_loop::driver::{DriveFault, Driver};
 use rt_loop::statistics::Counters;
 use services::controller::Controller;
 use services::feedforward::FeedforwardError;
 use shm_types::control_options::ControlOptions;
 use shm_types::instance::{ControlMode, Mode, RunConfig, Wait};
 use shm_types::messages::{
-    Command, DriveCommand, DriveMode, DriveSample, Header, PerJoint, PlantTruth,
+    Command, DriveCommand, DriveMode, DriveRequest, DriveSample, Header, LoopState, PerJoint,
 };
+use virtual_drives::{BusFault, Kind, VirtualDrives, VirtualError};
 
 use crate::drive::FaultyDriver;
 use crate::outcome::{Account, Observed, Outcome};
@@ -38,17 +37,23 @@ pub enum BenchError {
     /// The trajectory cannot be used.
     #[error(transparent)]
     Motion(#[from] motion::MotionError),
-    /// The plant cannot be built.
+    /// The drives cannot be built or opened.
     #[error(transparent)]
-    Plant(#[from] PlantError),
+    Drives(#[from] VirtualError),
     /// This robot cannot be controlled this way.
     #[error(transparent)]
     Feedforward(#[from] FeedforwardError),
 }
 
-/// One robot on its default trajectory.
+/// Part of the period after which the controller's answer is there.
+const ANSWER_PARTS: u64 = 4;
+/// Part of the period in which the drives' sample must have come, as in a run.
+const SAMPLE_DEADLINE_PARTS: u64 = 3;
+
+/// One robot on its default trajectory, with drives of one kind.
 #[derive(Clone, Debug)]
 pub struct Bench {
+    kind: Kind,
     robot: Robot,
     trajectory: Trajectory,
     run: RunConfig,
@@ -60,7 +65,7 @@ impl Bench {
     ///
     /// # Errors
     /// [`BenchError`].
-    pub fn new(robot: &str) -> Result<Self, BenchError> {
+    pub fn new(robot: &str, kind: Kind) -> Result<Self, BenchError> {
         let name = robot.to_owned();
         let robot = robot::load(robot)?;
         let trajectory_name = motion::default_name(&robot).to_owned();
@@ -75,7 +80,7 @@ impl Bench {
             plant: None,
             control: ControlMode::Torque,
             options: ControlOptions::default(),
-            mode: Mode::Lockstep,
+            mode: Mode::Realtime,
             period_ns: PERIOD_NS,
             cycles: 0,
             wait: Wait::Block,
@@ -90,6 +95,7 @@ impl Bench {
         };
         let config = cycle_config(&run, &robot);
         Ok(Self {
+            kind,
             robot,
             trajectory,
             run,
@@ -97,28 +103,23 @@ impl Bench {
         })
     }
 
+    /// The robot.
+    pub fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// How many joints it has.
+    pub fn joints(&self) -> usize {
+        self.robot.joints.len()
+    }
+
     /// Runs a scenario to its end.
     ///
     /// # Errors
     /// [`BenchError`].
     pub fn run(&self, scenario: &Scenario) -> Result<Outcome, BenchError> {
-        let plant = emulated_plant(&self.robot, &self.run, &[])?;
-        let ratios = self.config.joints.iter().map(|joint| joint.gear_ratio);
-        let mut loop_ = FaultyLoop {
-            config: &self.config,
-            driver: FaultyDriver::new(
-                EmulatedDriver::new(plant, &self.robot),
-                ratios.collect(),
-                scenario.drive.clone(),
-            ),
-            service: FaultyService::new(scenario.service.clone()),
-            controller: Controller::new(&self.run, self.robot.clone(), self.trajectory.clone())?,
-            state: CycleState::default(),
-            counters: Counters::default(),
-            reference_rad: [0.0; shm_types::JOINTS_MAX],
-        };
-        let limits = self.config.joints.iter().map(|joint| joint.motor_torque_nm);
-        let mut account = Account::new(scenario.begin(), limits.collect());
+        let mut loop_ = self.start(scenario)?;
+        let mut account = self.account(scenario);
         let mut cycle = 0;
         while cycle < scenario.cycles {
             loop_.cycle(cycle, scenario.orders_in(cycle), &mut account);
@@ -127,11 +128,56 @@ impl Bench {
         let names = &self.config.joint_names;
         Ok(account.finish(loop_.state.fault.map(|fault| fault.sentence(names))))
     }
+
+    /// The drives' kind.
+    pub fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    /// The loop's period.
+    pub fn period_ns(&self) -> u64 {
+        PERIOD_NS
+    }
+
+    pub(crate) fn account(&self, scenario: &Scenario) -> Account {
+        let limits = self.config.joints.iter().map(|joint| joint.motor_torque_nm);
+        Account::new(scenario.begin(), limits.collect())
+    }
+
+    /// The loop with the faults of a scenario around it, before its first cycle.
+    pub(crate) fn start(&self, scenario: &Scenario) -> Result<FaultyLoop<'_>, BenchError> {
+        let drives = virtual_drives::open(self.kind, &self.robot, &self.run)?;
+        let ratios = self.config.joints.iter().map(|joint| joint.gear_ratio);
+        let mut loop_ = FaultyLoop {
+            config: &self.config,
+            epoch_ns: drives.now_ns(),
+            driver: FaultyDriver::new(drives, ratios.collect(), scenario.drive.clone()),
+            buses: scenario.bus.clone(),
+            service: FaultyService::new(scenario.service.clone()),
+            controller: Controller::new(&self.run, self.robot.clone(), self.trajectory.clone())?,
+            state: CycleState::default(),
+            counters: Counters::default(),
+            reference_rad: [0.0; shm_types::JOINTS_MAX],
+        };
+        // The drives take their clock from the first command; until then they are braked.
+        let _ = loop_.driver.write(&DriveCommand {
+            header: Header {
+                session: SESSION,
+                joint_count: self.robot.joints.len() as u64,
+                ..Header::default()
+            },
+            ..DriveCommand::default()
+        });
+        Ok(loop_)
+    }
 }
 
-struct FaultyLoop<'a> {
+pub(crate) struct FaultyLoop<'a> {
     config: &'a CycleConfig,
-    driver: FaultyDriver<EmulatedDriver>,
+    /// When cycle 0 was, as far as the loop has followed the drives' clock.
+    epoch_ns: u64,
+    driver: FaultyDriver<Box<dyn VirtualDrives>>,
+    buses: Vec<(u64, BusFault)>,
     service: FaultyService,
     controller: Controller,
     state: CycleState,
@@ -140,11 +186,27 @@ struct FaultyLoop<'a> {
 }
 
 impl FaultyLoop<'_> {
+    pub fn state(&self) -> LoopState {
+        self.state.state
+    }
+
+    pub fn break_now(&mut self, fault: BusFault) {
+        self.driver.inner.break_now(fault);
+    }
+
     /// As the loop's process does it, with messages handed over instead of sent.
-    fn cycle(&mut self, cycle: u64, orders: Orders, account: &mut Account) {
+    pub fn cycle(&mut self, cycle: u64, orders: Orders, account: &mut Account) {
         let config = self.config;
-        let planned_ns = cycle * PERIOD_NS;
-        let sample = self.driver.read(cycle, planned_ns, planned_ns);
+        let planned_ns = self.epoch_ns + cycle * PERIOD_NS;
+        self.driver.inner.pass_until(planned_ns);
+        for (_, fault) in self.buses.iter().filter(|(at, _)| *at == cycle) {
+            self.driver.inner.break_now(*fault);
+        }
+        let read_until_ns = planned_ns + PERIOD_NS / SAMPLE_DEADLINE_PARTS;
+        let sample = self.driver.read(cycle, planned_ns, read_until_ns);
+        self.driver
+            .inner
+            .pass_until(planned_ns + PERIOD_NS / ANSWER_PARTS);
         let sample = sample.and_then(|sample| self.admitted(cycle, sample));
         let refused_before = self.counters.refused_commands();
         let command = self.command(cycle, sample.as_ref().ok());
@@ -158,18 +220,27 @@ impl FaultyLoop<'_> {
         let output = self.state.step(config, &input);
         let written = self.driver.write(&output.drive_command);
         self.state.written(written);
+        self.driver.prepare();
+        if sample.is_ok() {
+            let later_ns = bus_clock::step_ns(&self.state.bus, PERIOD_NS);
+            self.epoch_ns = self.epoch_ns.saturating_add_signed(later_ns);
+        }
         account.lose(
             sample.is_err(),
             command.is_none(),
             self.counters.refused_commands() - refused_before,
         );
+        let truth = self.driver.inner.truth();
         account.add(&Observed {
             cycle,
             state: self.state.state,
             mode: DriveMode::from_raw(output.drive_command.mode).unwrap_or_default(),
             torque_nm: &output.drive_command.motor_torque_nm,
-            link_position_rad: &self.driver.inner.truth.link_position_rad,
+            link_position_rad: &truth.link_position_rad,
             reference_rad: &self.reference_rad,
+            is_driven: (0..config.joints.len()).any(|joint| self.driver.inner.is_driven(joint)),
+            may_move: output.drive_command.request == DriveRequest::Enable as u32
+                || DriveMode::from_raw(output.drive_command.mode) != Some(DriveMode::Braked),
         });
     }
 
@@ -191,52 +262,6 @@ impl FaultyLoop<'_> {
         arriving
             .filter(|command| admits_command(command, &asked, counters))
             .last()
-    }
-}
-
-/// The emulated drives as a driver in virtual time: the plant goes on by the loop's clock, whether commands come or not.
-#[derive(Debug)]
-struct EmulatedDriver {
-    drives: EmulatedDrives,
-    truth: PlantTruth,
-}
-
-impl EmulatedDriver {
-    fn new(plant: Plant, robot: &Robot) -> Self {
-        let mut drives = EmulatedDrives::new(plant, SESSION, robot, PERIOD_NS);
-        // The loop's first command tells its clock, and keeps the brakes closed.
-        drives.take(DriveCommand {
-            header: Header {
-                session: SESSION,
-                joint_count: robot.joints.len() as u64,
-                ..Header::default()
-            },
-            ..DriveCommand::default()
-        });
-        Self {
-            drives,
-            truth: PlantTruth::default(),
-        }
-    }
-}
-
-impl Driver for EmulatedDriver {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities::default()
-    }
-
-    fn read(&mut self, cycle: u64, planned_ns: u64, _: u64) -> Result<DriveSample, DriveFault> {
-        while self.drives.cycle() < cycle {
-            self.drives.advance();
-        }
-        let (sample, truth) = self.drives.measure(planned_ns);
-        self.truth = truth;
-        Ok(sample)
-    }
-
-    fn write(&mut self, command: &DriveCommand) -> Result<(), DriveFault> {
-        self.drives.take(*command);
-        Ok(())
     }
 }
 

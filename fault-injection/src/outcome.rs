@@ -2,6 +2,9 @@
 
 use serde::Serialize;
 use shm_types::messages::{DriveMode, LoopState, PerJoint};
+use virtual_drives::Kind;
+
+use crate::scenarios::Scenario;
 
 /// The account of one scenario.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -22,12 +25,38 @@ pub struct Outcome {
     pub torque_step_max: f64,
     /// Furthest a joint was from its reference, as the plant truly stood, joint side.
     pub excursion_rad: f64,
+    /// Longest stretch of cycles in which a drive followed a torque although the loop asked for brakes and nothing else.
+    pub unasked_torque_cycles: u64,
     /// Cycles without a usable sample.
     pub samples_lost: u64,
     /// Cycles without a usable command.
     pub commands_lost: u64,
     /// Commands that came and were refused.
     pub commands_refused: u64,
+}
+
+/// Cycles from asking for brakes to when every drive has let go of its torque: until the command acts, and one for the plant.
+const LET_GO_CYCLES: u64 = 3;
+/// Cycles of 1.5 kHz after which drives stop that no command reaches: each kind's watchdog, as it is set and read back.
+fn watchdog_cycles(kind: Kind) -> u64 {
+    match kind {
+        Kind::Emulator => 15,
+        Kind::Ethercat => 30,
+        Kind::Moteus => 150,
+    }
+}
+
+impl Outcome {
+    /// Whether a scenario ended as documented, and no drive followed a torque that nobody asked for, for longer than it
+    /// takes to hear of that, or its watchdog.
+    pub fn is_as_documented(&self, scenario: &Scenario, kind: Kind) -> bool {
+        let documented = scenario.end_state_on(kind);
+        let is = |state: LoopState| self.end_state == format!("{state:?}");
+        // moteus has no brakes: a joint under a load sinks in `Damping`, and out of its range it is broken.
+        let sank = kind == Kind::Moteus && documented == LoopState::SafeStop;
+        (is(documented) || sank && is(LoopState::Faulted))
+            && self.unasked_torque_cycles <= watchdog_cycles(kind) + LET_GO_CYCLES
+    }
 }
 
 /// What one cycle adds to the account.
@@ -45,6 +74,10 @@ pub struct Observed<'a> {
     pub link_position_rad: &'a PerJoint,
     /// Where they should be, as far as last known.
     pub reference_rad: &'a PerJoint,
+    /// Whether any drive truly follows a torque.
+    pub is_driven: bool,
+    /// Whether the loop asked for anything but brakes.
+    pub may_move: bool,
 }
 
 /// Sums up a scenario.
@@ -55,6 +88,10 @@ pub struct Account {
     torque_limits_nm: Vec<f64>,
     before: Option<(DriveMode, PerJoint)>,
     last: LoopState,
+    /// Cycles in a row in which a drive followed a torque unasked.
+    unasked_cycles: u64,
+    /// The newest cycle outside `Running`.
+    last_left: u64,
 }
 
 impl Account {
@@ -66,7 +103,19 @@ impl Account {
             torque_limits_nm,
             before: None,
             last: LoopState::Initialising,
+            unasked_cycles: 0,
+            last_left: 0,
         }
+    }
+
+    /// See [`Outcome::unasked_torque_cycles`].
+    pub fn unasked_torque_cycles(&self) -> u64 {
+        self.outcome.unasked_torque_cycles
+    }
+
+    /// The newest cycle that did not end in `Running`.
+    pub fn last_left(&self) -> u64 {
+        self.last_left
     }
 
     /// Adds one cycle.
@@ -88,8 +137,21 @@ impl Account {
                 outcome.excursion_rad = outcome.excursion_rad.max(away_rad.abs());
             }
         }
+        self.add_unasked(observed);
+        if observed.state != LoopState::Running {
+            self.last_left = observed.cycle;
+        }
         self.before = Some((observed.mode, *observed.torque_nm));
         self.last = observed.state;
+    }
+
+    fn add_unasked(&mut self, observed: &Observed<'_>) {
+        self.unasked_cycles = match observed.is_driven && !observed.may_move {
+            true => self.unasked_cycles + 1,
+            false => 0,
+        };
+        let longest = &mut self.outcome.unasked_torque_cycles;
+        *longest = (*longest).max(self.unasked_cycles);
     }
 
     fn add_state(&mut self, observed: &Observed<'_>) {

@@ -70,6 +70,11 @@ impl EmulatedDrives {
         self.cycle
     }
 
+    /// The arm behind them.
+    pub fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
     /// Takes a command; one of another run or robot is dropped.
     pub fn take(&mut self, command: DriveCommand) {
         if command.header.check(self.session, self.joint_count).is_ok() {

@@ -1,6 +1,7 @@
 //! What each cycle adds to the loop's statistics, and which of them missed its deadline.
 
 use realtime::usage::{ThreadUsage, thread_usage};
+use shm_types::drive::{BusReport, ClockState};
 
 use crate::statistics::{CycleTimes, Overrun, Statistics};
 
@@ -43,6 +44,15 @@ impl Accounts {
     /// From here on the thread's page faults and context switches count.
     pub fn begin(&mut self) {
         self.usage = thread_usage();
+    }
+
+    /// Counts what a sample told of the bus.
+    pub fn count_bus(&mut self, bus: &BusReport) {
+        self.statistics.counters.bus_frames_lost = bus.frames_lost;
+        if ClockState::from_raw(bus.clock) == Some(ClockState::Locked) {
+            let offset_ns = bus.clock_offset_ns.unsigned_abs().max(1);
+            self.statistics.clock_offset_ns.saturating_record(offset_ns);
+        }
     }
 
     /// Counts one cycle. `deadline_ns` is how long its work may take; `None` where nobody has a clock.

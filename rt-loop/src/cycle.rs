@@ -146,6 +146,9 @@ impl CycleState {
         (self.drives, self.bus) = (sample.drives, sample.bus);
         let ages = &sample.drives.age_cycles[..config.joint_count()];
         if let Some(joint) = ages.iter().position(|&age| age > AGE_MAX_CYCLES) {
+            if sample.bus.faults & bus_fault::BUS_OFF != 0 {
+                return Err(DriveFault::BusOff);
+            }
             return Err(DriveFault::JointSilent {
                 joint: joint as u32,
                 age_cycles: ages[joint],
@@ -273,8 +276,8 @@ impl CycleState {
         }
     }
 
-    /// Whether the safe stop is left: the operator has asked for it, and no drive is faulted, or is any more. Drives that are
-    /// get their time to clear.
+    /// Whether the safe stop is left: the operator has asked for it, and no drive is faulted, no device out of its exchange, or
+    /// is any more. Those that are get their time to clear.
     fn is_reset(&mut self, config: &CycleConfig, orders: Orders, drives: &DriveReport) -> bool {
         if self.state != LoopState::SafeStop {
             self.resetting_cycles = 0;
@@ -285,8 +288,12 @@ impl CycleState {
         }
         let asked = self.resetting_cycles > 0;
         self.resetting_cycles = self.resetting_cycles.saturating_sub(1);
-        let faulted = drives.find(config.joint_count(), DriveState::is_faulted);
-        let is_reset = asked && faulted.is_none();
+        let joints = config.joint_count();
+        let is_faulted = drives.find(joints, DriveState::is_faulted).is_some();
+        let is_gone = drives.device_status[..joints]
+            .iter()
+            .any(|&status| status != 0);
+        let is_reset = asked && !is_faulted && !is_gone;
         if is_reset {
             self.resetting_cycles = 0;
         }

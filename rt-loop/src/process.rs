@@ -343,6 +343,9 @@ impl<D: Driver> Loop<D> {
         };
         let deadline_ns = self.lockstep.is_none().then_some(self.config.period_ns);
         self.accounts.count(&facts, deadline_ns);
+        if facts.sample_came {
+            self.accounts.count_bus(&self.state.bus);
+        }
         let status = self.publish_status(&output, &times);
         self.keep(status, asked, command);
         self.prepare_next(cycle);
@@ -487,6 +490,7 @@ impl<D: Driver> Loop<D> {
             compute: Quantiles::of(&statistics.compute_ns),
             command_latency: Quantiles::of(&statistics.command_latency_ns),
             exchange: Quantiles::of(&statistics.exchange_ns),
+            clock_offset: Quantiles::of(&statistics.clock_offset_ns),
             counters: named_counters(statistics),
             overrun_causes: overrun_causes(statistics, steal, self.config.period_ns),
             overruns: explained_overruns(statistics, steal, self.config.period_ns),

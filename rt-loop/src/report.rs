@@ -66,6 +66,8 @@ pub struct LoopReport {
     pub command_latency: Quantiles,
     /// Reading from and writing to the drives.
     pub exchange: Quantiles,
+    /// How far the loop was from where the drives' clock wants it, either way, while both went together.
+    pub clock_offset: Quantiles,
     /// Counters by name.
     pub counters: BTreeMap<String, u64>,
     /// Missed deadlines by main cause.
@@ -115,6 +117,7 @@ pub fn named_counters(statistics: &Statistics) -> BTreeMap<String, u64> {
         ("refused_future_commands", counters.future_commands),
         ("refused_unusable_commands", counters.unusable_commands),
         ("drive_faults", counters.drive_faults),
+        ("bus_frames_lost", counters.bus_frames_lost),
         ("unsent_commands", counters.unsent_commands),
         ("limited_commands", counters.limited_commands),
         ("page_faults", counters.page_faults),

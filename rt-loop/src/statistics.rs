@@ -40,6 +40,8 @@ pub struct Counters {
     pub unusable_commands: u64,
     /// Cycles without a sample from the drives.
     pub drive_faults: u64,
+    /// Frames of the bus that did not come back whole, as the driver counts them.
+    pub bus_frames_lost: u64,
     /// Commands that the driver could not hand to the drives.
     pub unsent_commands: u64,
     /// Joint commands that a limit changed.
@@ -95,6 +97,8 @@ pub struct Statistics {
     pub command_latency_ns: Histogram<u64>,
     /// Reading from and writing to the drives.
     pub exchange_ns: Histogram<u64>,
+    /// How far the loop was from where the drives' clock wants it, while both went together.
+    pub clock_offset_ns: Histogram<u64>,
     /// Counters.
     pub counters: Counters,
     overruns: Vec<Overrun>,
@@ -117,6 +121,7 @@ impl Default for Statistics {
             compute_ns: histogram(),
             command_latency_ns: histogram(),
             exchange_ns: histogram(),
+            clock_offset_ns: histogram(),
             counters: Counters::default(),
             overruns: Vec::with_capacity(OVERRUNS_KEPT),
         }

@@ -11,7 +11,7 @@ use clap::{Args, ValueEnum};
 Examples:
   flexspline faults                    every fault, 1000 service kills, 200 start-stop rounds: about half an hour
   flexspline faults --short            a few of each
-  flexspline faults --part virtual     frames, readings, commands and orders, in virtual time: the same figures every time
+  flexspline faults --part virtual     frames, readings, commands, orders, buses and 1000 cable pulls, in virtual time
   flexspline faults --part kills --kills 100
   flexspline faults --part soak        a day of control in lockstep: hours; Ctrl-C ends it early
 
@@ -21,7 +21,7 @@ pub struct FaultsArguments {
     /// Robot: pa10, shd17, or a robot file
     #[arg(long, default_value = "pa10", value_name = "NAME|FILE")]
     pub robot: String,
-    /// Driver of the runs with processes; faults in virtual time are the emulator's
+    /// Driver of the runs with processes; faults in virtual time are on all virtual drives
     #[arg(long, default_value = "emulator", value_name = "NAME")]
     pub driver: String,
     /// Only a few of each kind
@@ -47,7 +47,7 @@ pub struct FaultsArguments {
 /// Parts of the fault suite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum FaultsPart {
-    /// Frames, readings, commands and orders, in virtual time
+    /// Frames, readings, commands, orders and buses, on all virtual drives, in virtual time
     Virtual,
     /// Processes killed and frozen, and the machine they run on, in real time
     Processes,

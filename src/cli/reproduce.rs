@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use virtual_drives::Kind;
 
 /// `flexspline reproduce`
 #[derive(Debug, Args)]
@@ -11,6 +12,7 @@ Examples:
   flexspline reproduce pa10-2005                           identifies an emulated arm, then tracks with what was found
   flexspline reproduce pa10-2003 --identified arm/identified.toml   with a model identified before, on the same --seed
   flexspline reproduce pa10-2005 --arms 3                  on three arms, results with their range
+  flexspline reproduce pa10-2005 --drives ethercat         the same through virtual drives on EtherCAT
   flexspline reproduce structural-damping                  two data sets of the emulated joint: one to calibrate, one to judge
   flexspline reproduce structural-damping --arms 3         on three joints, results with their range
 
@@ -30,12 +32,37 @@ pub struct ReproduceArguments {
     /// How many emulated arms, each with a seed of its own
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100))]
     pub arms: u64,
+    /// Drives that the arm tracks with; it is identified with the emulator's
+    #[arg(long, value_enum, default_value = "emulator", value_name = "DRIVES")]
+    pub drives: DrivesArgument,
     /// Seed of the first arm, or joint, and of everything random on it
     #[arg(long, default_value_t = 11, value_name = "N")]
     pub seed: u64,
     /// Where to write the results as JSON too; - for standard output
     #[arg(long, value_name = "PATH")]
     pub json: Option<PathBuf>,
+}
+
+/// Drives in virtual time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum DrivesArgument {
+    /// The emulator's, which take any torque
+    Emulator,
+    /// Virtual CiA 402 drives behind the EtherCAT driver: torque in 0.1 % of the rated one
+    Ethercat,
+    /// Virtual moteus drives behind their driver
+    Moteus,
+}
+
+impl DrivesArgument {
+    /// What stands behind the loop.
+    pub fn kind(self) -> Kind {
+        match self {
+            Self::Emulator => Kind::Emulator,
+            Self::Ethercat => Kind::Ethercat,
+            Self::Moteus => Kind::Moteus,
+        }
+    }
 }
 
 /// What can be reproduced.

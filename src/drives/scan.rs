@@ -5,7 +5,7 @@ use std::path::Path;
 
 use ethercat::client::Client;
 use ethercat::master::Device;
-use ethercat::setup::{axes_of, find};
+use ethercat::setup::{OwnInterface, axes_of, find};
 use serde::Serialize;
 
 use crate::cli::ScanArguments;
@@ -50,7 +50,9 @@ struct FoundAxis {
 /// # Errors
 /// [`CliError::Input`] if there is nothing to see.
 pub fn scan(arguments: &ScanArguments) -> Result<(), CliError> {
-    let (_lock, mut client, master) = find(&arguments.interface).map_err(CliError::input)?;
+    let interface = &arguments.interface;
+    let cable = OwnInterface::take(interface).map_err(CliError::input)?;
+    let (mut client, master) = find(&cable, interface).map_err(CliError::input)?;
     let slaves = master
         .devices
         .iter()

@@ -16,13 +16,13 @@ use crate::output::{print, write_json};
 use kills::{KillReport, RoundReport};
 use processes::ProcessOutcome;
 use soak::SoakReport;
-use virtual_time::VirtualOutcome;
+use virtual_time::OnDrives;
 
 /// What all faults came to.
 #[derive(Debug, Default, Serialize)]
 struct FaultsReport {
     /// In virtual time, cycle by cycle.
-    virtual_time: Vec<VirtualOutcome>,
+    virtual_time: Vec<OnDrives>,
     /// With processes, in real time.
     processes: Vec<ProcessOutcome>,
     /// Services killed under one running loop.
@@ -46,8 +46,10 @@ pub fn faults(arguments: &FaultsArguments) -> Result<(), CliError> {
     };
     let mut report = FaultsReport::default();
     if wanted(FaultsPart::Virtual) {
-        report.virtual_time = virtual_time::run(&arguments.robot)?;
-        show(&table::virtual_time(&report.virtual_time), arguments)?;
+        report.virtual_time = virtual_time::run(arguments)?;
+        for text in table::virtual_time(&report.virtual_time) {
+            show(&format!("{text}\n"), arguments)?;
+        }
     }
     if wanted(FaultsPart::Processes) {
         report.processes = processes::run(arguments)?;
@@ -85,11 +87,7 @@ fn show(text: &str, arguments: &FaultsArguments) -> Result<(), CliError> {
 
 impl FaultsReport {
     fn verdict(&self) -> Result<(), CliError> {
-        let in_virtual_time = self
-            .virtual_time
-            .iter()
-            .filter(|outcome| !outcome.as_documented)
-            .map(|outcome| outcome.fault.to_owned());
+        let in_virtual_time = self.virtual_time.iter().flat_map(OnDrives::wrong);
         let with_processes = self
             .processes
             .iter()

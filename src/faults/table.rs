@@ -3,14 +3,25 @@
 use comfy_table::{CellAlignment, Table, presets};
 
 use super::processes::{Ending, ProcessOutcome};
-use super::virtual_time::VirtualOutcome;
+use super::virtual_time::{OnDrives, VirtualOutcome};
 
-fn markdown(header: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
+fn plain(header: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Table {
     let mut table = Table::new();
     table
         .load_preset(presets::ASCII_MARKDOWN)
         .set_header(header.to_vec())
         .add_rows(rows);
+    table
+}
+
+/// A table of words.
+fn left(header: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
+    plain(header, rows).to_string()
+}
+
+/// A table of figures behind two columns of words.
+fn markdown(header: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
+    let mut table = plain(header, rows);
     for column in table.column_iter_mut().skip(2) {
         column.set_cell_alignment(CellAlignment::Right);
     }
@@ -21,52 +32,143 @@ fn or_dash(text: Option<String>) -> String {
     text.unwrap_or_else(|| "–".to_owned())
 }
 
-/// Faults in virtual time.
-pub fn virtual_time(outcomes: &[VirtualOutcome]) -> String {
-    let header = [
-        "fault",
-        "states, cycles",
-        "leaves `Running` after, cycles",
-        "brakes after, cycles",
-        "largest torque, % of limit",
-        "largest step, % of limit",
-        "furthest from reference, mrad",
-        "samples lost",
-        "commands lost",
-        "commands refused",
-    ];
-    let rows = outcomes.iter().map(
-        |VirtualOutcome {
-             fault,
-             as_documented,
-             outcome,
-         }| {
-            vec![
-                format!(
-                    "{fault}{}",
-                    if *as_documented {
-                        ""
-                    } else {
-                        " (not as documented)"
+/// Faults in virtual time: on the emulator in full, on the buses beside it, those of the buses themselves, and cables pulled.
+pub fn virtual_time(drives: &[OnDrives]) -> Vec<String> {
+    let in_full = drives.first().map(|emulator| {
+        let rows = emulator.around_the_loop.iter().map(full_row);
+        markdown(&FULL, rows)
+    });
+    let buses = || drives.iter().filter(|on| on.pulls.is_some());
+    let beside = || {
+        let with_all = buses().filter(|on| !on.around_the_loop.is_empty());
+        let header: Vec<&str> = ["fault"]
+            .into_iter()
+            .chain(with_all.clone().map(|on| on.drives))
+            .collect();
+        let outcomes: Vec<_> = with_all.map(|on| on.around_the_loop.iter()).collect();
+        let count = outcomes.first().map_or(0, ExactSizeIterator::len);
+        let rows = (0..count).map(|row| {
+            let mut cells = Vec::new();
+            for of_bus in &outcomes {
+                if let Some(outcome) = of_bus.clone().nth(row) {
+                    if cells.is_empty() {
+                        cells.push(outcome.fault.to_owned());
                     }
-                ),
-                states(&outcome.states, &outcome.end_state),
-                or_dash(
-                    outcome
-                        .reacted_after_cycles
-                        .map(|cycles| cycles.to_string()),
-                ),
-                or_dash(outcome.braked_after_cycles.map(|cycles| cycles.to_string())),
-                format!("{:.0}", outcome.torque_max * 100.0),
-                format!("{:.1}", outcome.torque_step_max * 100.0),
-                format!("{:.1}", outcome.excursion_rad * 1e3),
-                outcome.samples_lost.to_string(),
-                outcome.commands_lost.to_string(),
-                outcome.commands_refused.to_string(),
-            ]
-        },
-    );
-    markdown(&header, rows)
+                    cells.push(told_states(outcome));
+                }
+            }
+            cells
+        });
+        (count > 0).then(|| left(&header, rows))
+    };
+    let of_buses = buses().map(|on| {
+        let header = [
+            "fault",
+            "states, cycles",
+            "why it left `Running` last",
+            "leaves `Running` after, cycles",
+            "brakes after, cycles",
+            "torque unasked, cycles",
+            "furthest from reference, mrad",
+            "samples lost",
+        ];
+        format!(
+            "{}\n{}",
+            on.drives,
+            markdown(&header, on.of_the_bus.iter().map(bus_row))
+        )
+    });
+    let pulled = || {
+        let header = [
+            "cables pulled",
+            "pulls",
+            "went on by itself",
+            "ran after a reset",
+            "joint broken",
+            "never ran again",
+            "longest until it ran by itself, cycles",
+            "torque unasked, cycles",
+        ];
+        markdown(&header, buses().filter_map(pulls_row))
+    };
+    in_full
+        .into_iter()
+        .chain(beside())
+        .chain(of_buses)
+        .chain([pulled()])
+        .collect()
+}
+
+/// Columns of a fault in full.
+const FULL: [&str; 10] = [
+    "fault",
+    "states, cycles",
+    "leaves `Running` after, cycles",
+    "brakes after, cycles",
+    "largest torque, % of limit",
+    "largest step, % of limit",
+    "furthest from reference, mrad",
+    "samples lost",
+    "commands lost",
+    "commands refused",
+];
+
+fn full_row(of: &VirtualOutcome) -> Vec<String> {
+    let outcome = &of.outcome;
+    vec![
+        of.fault.to_owned(),
+        told_states(of),
+        cycles(outcome.reacted_after_cycles),
+        cycles(outcome.braked_after_cycles),
+        format!("{:.0}", outcome.torque_max * 100.0),
+        format!("{:.1}", outcome.torque_step_max * 100.0),
+        format!("{:.1}", outcome.excursion_rad * 1e3),
+        outcome.samples_lost.to_string(),
+        outcome.commands_lost.to_string(),
+        outcome.commands_refused.to_string(),
+    ]
+}
+
+fn bus_row(of: &VirtualOutcome) -> Vec<String> {
+    let outcome = &of.outcome;
+    vec![
+        of.fault.to_owned(),
+        told_states(of),
+        or_dash(outcome.fault.clone()),
+        cycles(outcome.reacted_after_cycles),
+        cycles(outcome.braked_after_cycles),
+        outcome.unasked_torque_cycles.to_string(),
+        format!("{:.1}", outcome.excursion_rad * 1e3),
+        outcome.samples_lost.to_string(),
+    ]
+}
+
+fn pulls_row(on: &OnDrives) -> Option<Vec<String>> {
+    let pulls = on.pulls.as_ref()?;
+    let counts = [
+        pulls.pulls,
+        pulls.went_on,
+        pulls.reset,
+        pulls.faulted,
+        pulls.never,
+        pulls.longest_cycles,
+        pulls.unasked_torque_cycles,
+    ];
+    let name = [on.drives.to_owned()].into_iter();
+    Some(name.chain(counts.iter().map(u64::to_string)).collect())
+}
+
+fn cycles(cycles: Option<u64>) -> String {
+    or_dash(cycles.map(|cycles| cycles.to_string()))
+}
+
+fn told_states(of: &VirtualOutcome) -> String {
+    let states = states(&of.outcome.states, &of.outcome.end_state);
+    if of.as_documented {
+        states
+    } else {
+        format!("{states} (not as documented)")
+    }
 }
 
 /// A run of states, cut where they only alternate.

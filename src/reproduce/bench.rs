@@ -12,8 +12,10 @@ use shm_types::instance::{ControlMode, Mode, RunConfig, Wait};
 use shm_types::messages::{LoopState, PerJoint};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use twin::{Robots, TwinError};
+use virtual_drives::Kind;
 
 use super::controllers::Controller;
+use super::drives::OnBus;
 use crate::error::CliError;
 
 /// The drives' rate, as in a run.
@@ -68,8 +70,9 @@ pub struct Course {
     pub duration_s: f64,
 }
 
-/// The emulator, with the bar that shows how far it is.
+/// The emulated arm behind drives of a kind, with the bar that shows how far it is.
 pub struct Bench {
+    kind: Kind,
     stop: Arc<AtomicBool>,
     bar: ProgressBar,
 }
@@ -79,7 +82,7 @@ impl Bench {
     ///
     /// # Errors
     /// [`CliError::Input`] if signals cannot be caught.
-    pub fn new() -> Result<Self, CliError> {
+    pub fn new(kind: Kind) -> Result<Self, CliError> {
         let stop = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM] {
             signal_hook::flag::register(signal, Arc::clone(&stop)).map_err(CliError::input)?;
@@ -89,7 +92,7 @@ impl Bench {
             ProgressStyle::with_template("{spinner} {msg}: {pos} s of motion in {elapsed}")
                 .unwrap_or_else(|_| ProgressStyle::default_spinner()),
         );
-        Ok(Self { stop, bar })
+        Ok(Self { kind, stop, bar })
     }
 
     /// Says what is being done.
@@ -126,11 +129,7 @@ impl Bench {
         let mut rows = Vec::new();
         let mut limited = vec![0.0; model.joints.len()];
         let mut interrupted = false;
-        let robots = Robots {
-            plant: &controller.plant,
-            model,
-        };
-        let simulated = twin::simulate(&run, robots, course.trajectory.clone(), &[], |messages| {
+        let each = |messages: &CycleMessages| {
             sums.add(messages);
             let limited_joints = messages.status.map_or(0, |status| status.limited_joints);
             for (joint, share) in limited.iter_mut().enumerate() {
@@ -150,7 +149,8 @@ impl Bench {
                 interrupted = self.stop.load(Ordering::Relaxed);
             }
             !interrupted
-        });
+        };
+        let simulated = self.simulate(&run, controller, course.trajectory.clone(), each)?;
         if interrupted {
             return Err(CliError::Negative(
                 "stopped; the same command identifies from where it was, and runs the experiments anew".to_owned(),
@@ -169,6 +169,32 @@ impl Bench {
             stopped,
             limited,
         })
+    }
+
+    fn simulate(
+        &self,
+        run: &RunConfig,
+        controller: &Controller,
+        trajectory: Trajectory,
+        each: impl FnMut(&CycleMessages) -> bool,
+    ) -> Result<Result<(), TwinError>, CliError> {
+        let robots = Robots {
+            plant: &controller.plant,
+            model: &controller.model,
+        };
+        if self.kind == Kind::Emulator {
+            return Ok(twin::simulate(run, robots, trajectory, &[], each));
+        }
+        let joints = robots.model.joints.len();
+        let drives = virtual_drives::open(self.kind, robots.plant, run).map_err(CliError::input)?;
+        let drives = OnBus::new(drives, run.session, joints, run.period_ns);
+        Ok(twin::simulate_drives(
+            run,
+            robots.model,
+            drives,
+            trajectory,
+            each,
+        ))
     }
 }
 

@@ -334,7 +334,7 @@ mod tests {
         for experiment in &mut experiments {
             experiment.course.duration_s = 1.0;
         }
-        let bench = Bench::new().expect("signals can be caught");
+        let bench = Bench::new(virtual_drives::Kind::Emulator).expect("signals can be caught");
         let stage = Stage {
             bench: &bench,
             plant: &robot,

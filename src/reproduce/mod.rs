@@ -3,6 +3,7 @@
 mod bench;
 mod controllers;
 mod courses;
+mod drives;
 mod experiments;
 mod gain_search;
 mod page;
@@ -55,7 +56,7 @@ pub fn reproduce(arguments: &ReproduceArguments) -> Result<(), CliError> {
     let mut arms = Vec::new();
     for seed in arguments.seed..arguments.seed.saturating_add(arguments.arms) {
         let (identified, file) = identified(arguments, speeds, &out, seed, &plant)?;
-        let bench = Bench::new()?;
+        let bench = Bench::new(arguments.drives.kind())?;
         let stage = Stage {
             bench: &bench,
             plant: &plant,

@@ -108,9 +108,10 @@ fn execute(plan: Plan, stop: &AtomicBool) -> Result<(RunReport, Result<(), CliEr
         last_cycles: stops.written,
     };
     supervisor.leave();
-    let ended = watched
-        .and(stopped)
-        .map_err(|error| CliError::Negative(error.to_string()));
+    let ended = watched.and(stopped).map_err(|error| match error {
+        SupervisorError::Refused => CliError::input(error),
+        other => CliError::Negative(other.to_string()),
+    });
     Ok((report, ended))
 }
 

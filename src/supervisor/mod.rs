@@ -74,6 +74,9 @@ pub enum SupervisorError {
         /// What it did instead.
         reason: String,
     },
+    /// The loop does not begin with these drives; it has said why.
+    #[error("loop refused the drives; the line above says what to change")]
+    Refused,
     /// A process that a run cannot go on without is gone.
     #[error("{role} ended: {reason}")]
     Lost {
@@ -272,6 +275,8 @@ impl Supervisor {
                 Role::Loop => {
                     return if reason == "exit code 0" {
                         Ok(false)
+                    } else if reason == "exit code 2" && !child.is_ready() {
+                        Err(SupervisorError::Refused)
                     } else {
                         Err(lost(child, reason))
                     };

@@ -23,6 +23,7 @@ use recording::{CycleRow, WriteError, Writer};
 use robot::{Injection, Robot};
 use rt_loop::config::cycle_config;
 use rt_loop::cycle::{CycleInput, CycleState, Orders};
+use rt_loop::driver::DriveFault;
 use rt_loop::statistics::{Counters, CycleTimes};
 use rt_loop::status::loop_status;
 use services::controller::Controller;
@@ -31,7 +32,7 @@ use services::feedforward::FeedforwardError;
 use services::relay::{CycleMessages, record_row, recording_header};
 use services::tracking::{Tracking, TrackingReport};
 use shm_types::instance::RunConfig;
-use shm_types::messages::{DriveCommand, DriveMode, Header};
+use shm_types::messages::{DriveCommand, DriveMode, DriveSample, Header, PlantTruth};
 
 /// No motor of an arm turns this far, motor side: beyond it the plant's numbers mean nothing.
 const DIVERGED_RAD: f64 = 1e6;
@@ -147,14 +148,56 @@ pub fn drives(run: &RunConfig, robot: &Robot, plant: Plant) -> EmulatedDrives {
     drives
 }
 
-/// Runs as [`simulate_plant`] does with [`drives`] that may have faults of their own.
+/// What a twin moves: drives with a plant behind them, at whose latches it stands.
+pub trait Drives {
+    /// What the drives latched for a cycle, and what is true then.
+    ///
+    /// # Errors
+    /// [`DriveFault`]: nothing came of any joint.
+    fn measure(
+        &mut self,
+        cycle: u64,
+        planned_ns: u64,
+    ) -> (Result<DriveSample, DriveFault>, PlantTruth);
+
+    /// Takes the command of this cycle; whether it could be sent.
+    ///
+    /// # Errors
+    /// [`DriveFault`]: it could not.
+    fn take(&mut self, command: DriveCommand) -> Result<(), DriveFault>;
+
+    /// Moves on to the next latch.
+    fn advance(&mut self);
+}
+
+impl Drives for EmulatedDrives {
+    fn measure(
+        &mut self,
+        _: u64,
+        planned_ns: u64,
+    ) -> (Result<DriveSample, DriveFault>, PlantTruth) {
+        let (sample, truth) = Self::measure(self, planned_ns);
+        (Ok(sample), truth)
+    }
+
+    fn take(&mut self, command: DriveCommand) -> Result<(), DriveFault> {
+        Self::take(self, command);
+        Ok(())
+    }
+
+    fn advance(&mut self) {
+        Self::advance(self);
+    }
+}
+
+/// Runs as [`simulate_plant`] does with [`drives`] that may have faults of their own, or with others.
 ///
 /// # Errors
 /// [`TwinError`], also when the loop stopped for safety.
 pub fn simulate_drives(
     run: &RunConfig,
     robot: &Robot,
-    mut drives: EmulatedDrives,
+    mut drives: impl Drives,
     trajectory: Trajectory,
     mut each: impl FnMut(&CycleMessages) -> bool,
 ) -> Result<(), TwinError> {
@@ -166,18 +209,24 @@ pub fn simulate_drives(
     let mut state = CycleState::default();
     for cycle in 0..run.cycles {
         let planned_ns = cycle * run.period_ns;
-        let (drive_sample, truth) = drives.measure(planned_ns);
-        let position_rad = &drive_sample.readings.motor_position_rad[..joint_count];
-        // false for NaN too
-        if !position_rad.iter().all(|angle| angle.abs() < DIVERGED_RAD) {
-            return Err(TwinError::Diverged {
-                time_s: planned_ns as f64 * 1e-9,
-            });
+        let (latched, truth) = drives.measure(cycle, planned_ns);
+        if let Ok(latched) = &latched {
+            let position_rad = &latched.readings.motor_position_rad[..joint_count];
+            // false for NaN too
+            if !position_rad.iter().all(|angle| angle.abs() < DIVERGED_RAD) {
+                return Err(TwinError::Diverged {
+                    time_s: planned_ns as f64 * 1e-9,
+                });
+            }
         }
-        let admitted = state.admit(&config, cycle, &drive_sample);
+        let admitted = latched.and_then(|latched| {
+            state.admit(&config, cycle, &latched)?;
+            Ok(latched)
+        });
         let sample = admitted
-            .is_ok()
-            .then(|| state.sensor_sample(&config, cycle, &drive_sample));
+            .as_ref()
+            .ok()
+            .map(|latched| state.sensor_sample(&config, cycle, latched));
         let command = sample.map(|sample| controller.command(&sample));
         let estimate = sample.map(|sample| estimators.estimate(&sample));
         if let Some(estimate) = estimate {
@@ -188,12 +237,13 @@ pub fn simulate_drives(
             &CycleInput {
                 cycle,
                 planned_ns,
-                sample: admitted.map(|()| &drive_sample),
+                sample: admitted.as_ref().map_err(|fault| *fault),
                 command: command.as_ref(),
                 orders: Orders::default(),
             },
         );
-        drives.take(output.drive_command);
+        let taken = drives.take(output.drive_command);
+        state.written(taken);
         let status = loop_status(
             &state,
             &output,

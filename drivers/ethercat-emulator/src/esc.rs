@@ -365,8 +365,13 @@ impl Esc {
         true
     }
 
-    /// Says that the last answer was repeated as asked.
-    pub fn acknowledge_repeat(&mut self, index: usize) {
+    /// Lays the last answer out once more, as a master asks that did not get it, and says so (ETG.1000.4, section 6.7.3).
+    pub fn repeat_mailbox(&mut self, index: usize) {
+        let manager = self.sync_manager(index);
+        let is_message = u16_at(&self.memory, usize::from(manager.start)) > 0;
+        if manager.enabled && is_message && !self.full[index] {
+            self.set_full(index, true);
+        }
         let at = usize::from(SYNC_MANAGER) + 8 * index;
         self.memory[at + 7] = self.memory[at + 7] & !0x02 | self.memory[at + 6] & 0x02;
     }

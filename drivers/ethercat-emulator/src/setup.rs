@@ -34,7 +34,7 @@ pub struct Options {
     pub seed: u64,
     /// Where the robot stands at start.
     pub position_rad: Vec<f64>,
-    /// What the slaves' clocks are off by: the first is right, the others spread evenly up to this.
+    /// What the slaves' clocks are off by: the first, by which all go, by this, the others spread evenly down to nothing.
     pub clock_error_ppm: f64,
     /// Time a brake takes to open, and half of it to close.
     pub brake_release_s: f64,
@@ -156,7 +156,7 @@ pub fn segment(
 }
 
 fn slave(position: usize, count: usize, axes: Vec<AxisConfig>, options: &Options) -> SlaveConfig {
-    let spread = position as f64 / (count.max(2) - 1) as f64;
+    let spread = 1.0 - position as f64 / (count.max(2) - 1) as f64;
     SlaveConfig {
         alias: 0,
         identity: [VENDOR, PRODUCT + axes.len() as u32, 1, position as u32 + 1],

@@ -194,7 +194,7 @@ impl Slave {
             self.mailbox();
         }
         if events.repeat {
-            self.esc.acknowledge_repeat(1);
+            self.esc.repeat_mailbox(1);
         }
         self.hand_out_answer();
         if events.outputs && self.state >= SAFE_OP {

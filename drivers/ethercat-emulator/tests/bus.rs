@@ -457,3 +457,22 @@ fn a_system_time_that_jumps_brings_no_pulses_from_before() {
     assert!(next_ns.abs_diff(master.now_ns) <= 125_000, "{next_ns}");
     master.read(0, 0x130, 2);
 }
+
+#[test]
+fn an_answer_that_was_lost_is_repeated_as_often_as_asked() {
+    const REPEAT: u8 = 0x02;
+    let mut master = Master::new("shd17", |_| {});
+    master.enter_pre_op();
+    let request = [0, 0x20, 0x40, 0x76, 0x60, 0, 0, 0, 0, 0];
+    let answer = master.mailbox(0, &request);
+    assert!(
+        answer.len() >= 10 && answer[3..5] == [0x76, 0x60],
+        "{answer:?}"
+    );
+    for asked in [REPEAT, 0] {
+        let activate = master.read(0, 0x080e, 1)[0] & !REPEAT | asked;
+        master.write(0, 0x080e, &[activate]);
+        assert_eq!(master.fetch(0), answer, "the same once more");
+        assert_eq!(master.read(0, 0x080f, 1)[0] & REPEAT, asked, "and told");
+    }
+}

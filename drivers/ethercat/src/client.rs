@@ -4,10 +4,12 @@
 //! request and answer. Source: ETG.1000.6, section 5.6.2.
 
 use ethercat_wire::frame::{for_each_datagram, frame, is_ethercat, u16_at, u32_at};
-use ethercat_wire::socket::{FRAME_MAX, RawSocket, now_ns};
+use ethercat_wire::link::Link;
+use ethercat_wire::socket::FRAME_MAX;
 
-/// How long one frame may take, and how often it is sent again.
-const FRAME_NS: u64 = 20_000_000;
+/// How long one frame may take, and how often it is sent again. A busy machine, on which this thread has no priority yet, takes long;
+/// an answer from a mailbox that is not waited for is lost.
+const FRAME_NS: u64 = 200_000_000;
 const TRIES: usize = 5;
 /// How long a drive may take to answer a request.
 const MAILBOX_NS: u64 = 1_000_000_000;
@@ -77,10 +79,9 @@ fn abort_text(code: u32) -> String {
     format!("{text} (abort code {code:#010x})")
 }
 
-/// A socket of its own with datagrams that only it uses.
-#[derive(Debug)]
+/// A place of its own at the cable, with datagrams that only it uses.
 pub struct Client {
-    socket: RawSocket,
+    link: Box<dyn Link>,
     /// First index of its datagrams, and how many follow.
     indices: (u8, u8),
     next: u8,
@@ -91,31 +92,36 @@ pub struct Client {
 type Mailbox = (u16, u16);
 
 impl Client {
-    /// Datagrams are numbered from `first` on, so many; other users of the interface take other numbers.
-    pub fn new(socket: RawSocket, first: u8, count: u8) -> Self {
+    /// Datagrams are numbered from `first` on, so many; other users of the cable take other numbers.
+    pub fn new(link: Box<dyn Link>, first: u8, count: u8) -> Self {
         Self {
-            socket,
+            link,
             indices: (first, count),
             next: 0,
             counter: 0,
         }
     }
 
+    /// Nanoseconds of the clock at this end of the cable.
+    pub fn now_ns(&self) -> u64 {
+        self.link.now_ns()
+    }
+
     /// Whether EtherCAT frames of somebody else come in within `for_ns`, while nothing is sent.
     pub fn hears_another_master(&self, for_ns: u64) -> bool {
-        let end_ns = now_ns() + for_ns;
+        let end_ns = self.link.now_ns() + for_ns;
         let mut buffer = [0; FRAME_MAX];
         loop {
-            while let Some(length) = self.socket.receive(&mut buffer) {
+            while let Some(length) = self.link.receive(&mut buffer) {
                 if is_ethercat(&buffer[..length]) {
                     return true;
                 }
             }
-            let now_ns = now_ns();
+            let now_ns = self.link.now_ns();
             if now_ns >= end_ns {
                 return false;
             }
-            self.socket.wait(end_ns - now_ns);
+            self.link.wait(end_ns - now_ns);
         }
     }
 
@@ -136,22 +142,31 @@ impl Client {
             let index = self.indices.0 + self.next;
             self.next = (self.next + 1) % self.indices.1;
             let bytes = frame(&[(command, index, [a, b, c, d], data)]);
-            let _ = self.socket.send(&bytes);
-            if let Some(answer) = self.wait(command, index, data.len()) {
+            self.drain();
+            let _ = self.link.send(&bytes);
+            if let Some(answer) = self.wait(command, index, register, data.len()) {
                 return Ok(answer);
             }
         }
         Err(ClientError::NoAnswer)
     }
 
-    fn wait(&self, command: u8, index: u8, length: usize) -> Option<(Vec<u8>, u16)> {
-        let end_ns = now_ns() + FRAME_NS;
+    /// Throws away what came before: answers to others at this cable, whose numbers may be ours.
+    fn drain(&self) {
+        let mut buffer = [0; FRAME_MAX];
+        while self.link.receive(&mut buffer).is_some() {}
+    }
+
+    fn wait(&self, command: u8, index: u8, register: u16, length: usize) -> Option<(Vec<u8>, u16)> {
+        let end_ns = self.link.now_ns() + FRAME_NS;
         let mut buffer = [0; FRAME_MAX];
         loop {
-            while let Some(got) = self.socket.receive(&mut buffer) {
+            while let Some(got) = self.link.receive(&mut buffer) {
                 let mut answer = None;
                 for_each_datagram(&mut buffer[..got], |datagram| {
-                    let is_ours = datagram.raw_command() == command && datagram.index() == index;
+                    let is_ours = datagram.raw_command() == command
+                        && datagram.index() == index
+                        && datagram.offset() == register;
                     if is_ours && datagram.data.len() == length {
                         answer = Some((datagram.data.to_vec(), datagram.working_counter()));
                     }
@@ -160,11 +175,11 @@ impl Client {
                     return answer;
                 }
             }
-            let now_ns = now_ns();
+            let now_ns = self.link.now_ns();
             if now_ns >= end_ns {
                 return None;
             }
-            self.socket.wait(end_ns - now_ns);
+            self.link.wait(end_ns - now_ns);
         }
     }
 
@@ -250,27 +265,27 @@ impl Client {
     /// Sends a CoE message and fetches the answer to it: without mailbox header. Emergencies on the way are read over.
     fn mailbox(&mut self, station: u16, body: &[u8]) -> Result<Vec<u8>, ClientError> {
         let [request, answer] = self.mailboxes(station)?;
-        let end_ns = now_ns() + MAILBOX_NS;
+        let end_ns = self.link.now_ns() + MAILBOX_NS;
         self.counter = self.counter % 7 + 1;
         let mut message = (body.len() as u16).to_le_bytes().to_vec();
         message.extend([0, 0, 0, 3 | self.counter << 4]);
         message.extend(body);
         message.resize(usize::from(request.1), 0);
         // What nobody fetched is in the way.
-        while self.fetch(station, answer)?.is_some() && now_ns() < end_ns {}
+        while self.fetch(station, answer)?.is_some() && self.link.now_ns() < end_ns {}
         loop {
             let (_, served) = self.datagram(FPWR, station, request.0, &message)?;
             if served == 1 {
                 break;
             }
-            if now_ns() > end_ns {
+            if self.link.now_ns() > end_ns {
                 return Err(ClientError::NotServed {
                     station,
                     register: request.0,
                 });
             }
         }
-        while now_ns() < end_ns {
+        while self.link.now_ns() < end_ns {
             const EMERGENCY: u16 = 1;
             if let Some(body) = self.fetch(station, answer)?
                 && u16_at(&body, 0) >> 12 != EMERGENCY

@@ -3,12 +3,9 @@
 //! Inputs are fetched when the cycle begins, outputs sent as soon as the command is known; both take effect at SYNC0, which comes
 //! an eighth of a period before the next cycle. A command so acts from the next latch on.
 
-use std::os::unix::net::UnixListener;
-use std::thread::sleep;
 use std::time::Duration;
 
-use ethercat_wire::socket::{RawSocket, now_ns};
-use robot::Robot;
+use ethercat_wire::link::Cable;
 use rt_loop::driver::{
     Acyclic, AcyclicError, Behind, Brake, Capabilities, DriveFault, Driver, DriverEntry,
     JointCapabilities, Object, OpenContext, OpenError,
@@ -23,7 +20,7 @@ use crate::frames::Frames;
 use crate::image::{AXIS_OFFSET, Inputs, Outputs};
 use crate::pace::Pace;
 use crate::settings::Settings;
-use crate::setup::{self, Axis, Bus, CLIENT_INDICES, OP, Slave};
+use crate::setup::{self, Axis, CLIENT_INDICES, OP, OwnInterface, Slave};
 use crate::units::Unwrapped;
 use crate::walk::{PowerState, Walk, Wish};
 
@@ -65,16 +62,9 @@ fn open(context: &OpenContext<'_>) -> Result<Box<dyn Driver>, OpenError> {
             "drives have a clock of their own; run them with --mode realtime".to_owned(),
         ));
     }
-    let settings = Settings::of(context.robot)?;
-    let bus = setup::open(context.robot, &settings, context.run.period_ns)?;
-    let driver = EthercatDriver::new(
-        context.robot,
-        &settings,
-        bus,
-        context.run.session,
-        context.run.period_ns,
-    )?;
-    Ok(Box::new(driver))
+    let interface = Settings::of(context.robot)?.bus.interface;
+    let cable = Box::new(OwnInterface::take(&interface)?);
+    Ok(Box::new(EthercatDriver::open(context, cable)?))
 }
 
 /// One joint's drive.
@@ -98,7 +88,7 @@ struct Joint {
 
 /// Drives on EtherCAT.
 pub struct EthercatDriver {
-    _lock: UnixListener,
+    cable: Box<dyn Cable>,
     interface: String,
     session: u64,
     period_ns: u64,
@@ -117,20 +107,22 @@ pub struct EthercatDriver {
 }
 
 impl EthercatDriver {
-    fn new(
-        robot: &Robot,
-        settings: &Settings,
-        bus: Bus,
-        session: u64,
-        period_ns: u64,
-    ) -> Result<Self, OpenError> {
-        let interface = settings.bus.interface.clone();
+    /// Finds the drives of a robot at a cable, sets them up, and brings them to SAFE-OP. Nothing moves.
+    ///
+    /// # Errors
+    /// [`OpenError`]: where, what is wrong, what to change.
+    pub fn open(context: &OpenContext<'_>, cable: Box<dyn Cable>) -> Result<Self, OpenError> {
+        let robot = context.robot;
+        let (session, period_ns) = (context.run.session, context.run.period_ns);
+        let settings = Settings::of(robot)?;
+        let bus = setup::open(&*cable, robot, &settings, period_ns)?;
+        let interface = settings.bus.interface;
         let told = |error: &dyn std::fmt::Display| {
             OpenError::Hardware(format!("interface `{interface}`: {error}"))
         };
-        let socket = RawSocket::open(&interface).map_err(|error| told(&error))?;
-        let frames = Frames::new(socket, &bus.slaves, bus.sync0_ns.is_some())
-            .map_err(|error| told(&error))?;
+        let link = cable.open().map_err(|error| told(&error))?;
+        let frames =
+            Frames::new(link, &bus.slaves, bus.sync0_ns.is_some()).map_err(|error| told(&error))?;
         let joints = bus
             .axes
             .into_iter()
@@ -154,7 +146,7 @@ impl EthercatDriver {
             })
             .collect();
         Ok(Self {
-            _lock: bus.lock,
+            cable,
             interface,
             session,
             period_ns,
@@ -593,14 +585,14 @@ impl Driver for EthercatDriver {
     }
 
     fn shutdown(&mut self) {
-        let period = Duration::from_nanos(self.period_ns);
         let braked = DriveCommand {
             request: DriveRequest::QuickStop as u32,
             ..DriveCommand::default()
         };
-        let end_ns = now_ns() + SHUTDOWN_NS;
-        while now_ns() < end_ns {
-            let fetched = self.frames.fetch(now_ns() + self.period_ns).is_some();
+        let end_ns = self.frames.now_ns() + SHUTDOWN_NS;
+        while self.frames.now_ns() < end_ns {
+            let give_up_at_ns = self.frames.now_ns() + self.period_ns;
+            let fetched = self.frames.fetch(give_up_at_ns).is_some();
             if fetched {
                 self.take_inputs();
             }
@@ -618,11 +610,11 @@ impl Driver for EthercatDriver {
             }
             self.lost_in_a_row = if fetched { 0 } else { self.lost_in_a_row + 1 };
             let _ = self.write(&braked);
-            sleep(period);
+            self.frames.sleep(self.period_ns);
         }
         let (first, count) = CLIENT_INDICES;
-        if let Ok(socket) = RawSocket::open(&self.interface) {
-            let mut client = Client::new(socket, first, count);
+        if let Ok(link) = self.cable.open() {
+            let mut client = Client::new(link, first, count);
             // INIT first: a drive in OP would take the end of SYNC0 for a fault
             let _ = client.write_all(0x0120, &[0x11, 0]);
             let _ = client.write_all(0x0981, &[0]);

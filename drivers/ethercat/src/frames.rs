@@ -3,7 +3,8 @@
 //! One datagram a slave each way, so that a working counter that is short says whose.
 
 use ethercat_wire::frame::{Datagram, for_each_datagram, frame, is_ethercat, u16_at, u64_at};
-use ethercat_wire::socket::{FRAME_MAX, RawSocket, now_ns};
+use ethercat_wire::link::Link;
+use ethercat_wire::socket::FRAME_MAX;
 
 use crate::setup::Slave;
 
@@ -47,7 +48,7 @@ pub struct Exchange {
 
 /// Both frames, and what came back.
 pub struct Frames {
-    socket: RawSocket,
+    link: Box<dyn Link>,
     stations: Vec<u16>,
     inputs: Vec<u8>,
     outputs: Vec<u8>,
@@ -66,7 +67,7 @@ impl Frames {
     ///
     /// # Errors
     /// What does not fit into one frame.
-    pub fn new(socket: RawSocket, slaves: &[Slave], has_clock: bool) -> Result<Self, String> {
+    pub fn new(link: Box<dyn Link>, slaves: &[Slave], has_clock: bool) -> Result<Self, String> {
         /// Longest payload of an Ethernet frame, less EtherCAT's header.
         const ROOM: usize = 1498;
         let zeros = vec![0; FRAME_MAX];
@@ -109,7 +110,7 @@ impl Frames {
             ));
         }
         Ok(Self {
-            socket,
+            link,
             stations: slaves.iter().map(|slave| slave.device.station).collect(),
             inputs: frame(&read),
             outputs: frame(&written),
@@ -128,6 +129,16 @@ impl Frames {
         })
     }
 
+    /// Nanoseconds of the clock at this end of the cable.
+    pub fn now_ns(&self) -> u64 {
+        self.link.now_ns()
+    }
+
+    /// Lets time pass.
+    pub fn sleep(&self, for_ns: u64) {
+        self.link.sleep(for_ns);
+    }
+
     /// Fetches inputs and states; waits for them until `give_up_at_ns` at most.
     pub fn fetch(&mut self, give_up_at_ns: u64) -> Option<Exchange> {
         self.sequence = (self.sequence + 1) % INDICES;
@@ -136,13 +147,13 @@ impl Frames {
         for answer in &mut self.answers {
             (answer.inputs_came, answer.status_came) = (false, false);
         }
-        let sent_ns = now_ns();
-        if !self.socket.send(&self.inputs) {
+        let sent_ns = self.link.now_ns();
+        if !self.link.send(&self.inputs) {
             return None;
         }
         loop {
-            while let Some(length) = self.socket.receive(&mut self.buffer) {
-                let received_ns = now_ns();
+            while let Some(length) = self.link.receive(&mut self.buffer) {
+                let received_ns = self.link.now_ns();
                 if let Some((system_ns, working_counter)) = self.take(length, index) {
                     return Some(Exchange {
                         system_ns,
@@ -151,11 +162,11 @@ impl Frames {
                     });
                 }
             }
-            let now_ns = now_ns();
+            let now_ns = self.link.now_ns();
             if now_ns >= give_up_at_ns {
                 return None;
             }
-            self.socket.wait(give_up_at_ns - now_ns);
+            self.link.wait(give_up_at_ns - now_ns);
         }
     }
 
@@ -208,7 +219,7 @@ impl Frames {
         for_each_datagram(&mut self.outputs, |mut datagram| {
             datagram.set_index(UNHEARD_INDEX);
         });
-        self.socket.send(&self.outputs)
+        self.link.send(&self.outputs)
     }
 
     /// Asks some slaves for a state.
@@ -225,7 +236,7 @@ impl Frames {
             datagram.data.copy_from_slice(&control.to_le_bytes());
             slave += 1;
         });
-        let _ = self.socket.send(&self.state_request);
+        let _ = self.link.send(&self.state_request);
     }
 }
 

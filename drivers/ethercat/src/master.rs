@@ -7,8 +7,10 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};
+use std::time::Duration;
 
-use ethercat_wire::socket::{FRAME_MAX, RawSocket, now_ns};
+use ethercat_wire::link::Link;
+use ethercat_wire::socket::FRAME_MAX;
 use ethercrab::subdevice_group::PreOp;
 use ethercrab::{
     DefaultLock, MainDevice, MainDeviceConfig, PduRx, PduStorage, PduTx, RetryBehaviour,
@@ -22,6 +24,10 @@ const FRAMES: usize = 16;
 const FRAME_DATA: usize = PduStorage::element_size(1100);
 /// Frames that bring clocks together before anything else. Enough for 100 ppm: each takes away a part of what is left.
 const CLOCK_FRAMES: u32 = 2000;
+/// A slave's EEPROM answers within milliseconds; a busy machine, on which this thread has no priority yet, may add some.
+const EEPROM_TIME: Duration = Duration::from_secs(1);
+/// The same for a frame, after which it is sent again.
+const FRAME_TIME: Duration = Duration::from_millis(500);
 /// Longest sleep while ethercrab waits: its time-outs are looked at so often.
 const LOOK_NS: u64 = 1_000_000;
 
@@ -45,40 +51,39 @@ type Group = SubDeviceGroup<SLAVES_MAX, PROCESS_DATA_MAX, DefaultLock, PreOp>;
 /// The bus in PRE-OP.
 pub struct Master {
     main: MainDevice<'static>,
-    pump: Pump,
+    link: Box<dyn Link>,
+    tx: PduTx<'static>,
+    rx: PduRx<'static>,
     group: Group,
     /// The slaves along the cable.
     pub devices: Vec<Device>,
 }
 
-struct Pump {
-    socket: RawSocket,
-    tx: PduTx<'static>,
-    rx: PduRx<'static>,
-}
-
-impl Pump {
-    /// Runs a future of ethercrab's to its end.
-    fn run<F: Future>(&mut self, future: F) -> F::Output {
-        let mut future = pin!(future);
-        let mut context = Context::from_waker(Waker::noop());
-        let mut buffer = [0; FRAME_MAX];
-        loop {
-            if let Poll::Ready(outcome) = future.as_mut().poll(&mut context) {
-                return outcome;
-            }
-            while let Some(frame) = self.tx.next_sendable_frame() {
-                // a frame that is not sent is a lost one, and sent again
-                let _ = frame.send_blocking(|bytes| {
-                    let _ = self.socket.send(bytes);
-                    Ok(bytes.len())
-                });
-            }
-            self.socket.wait(LOOK_NS);
-            while let Some(length) = self.socket.receive(&mut buffer) {
-                // what ethercrab does not know, such as a frame that came twice, is none of ours
-                let _ = self.rx.receive_frame(&buffer[..length]);
-            }
+/// Runs a future of ethercrab's to its end, with its frames sent and received at `link`.
+fn run<F: Future>(
+    link: &dyn Link,
+    tx: &mut PduTx<'static>,
+    rx: &mut PduRx<'static>,
+    future: F,
+) -> F::Output {
+    let mut future = pin!(future);
+    let mut context = Context::from_waker(Waker::noop());
+    let mut buffer = [0; FRAME_MAX];
+    loop {
+        if let Poll::Ready(outcome) = future.as_mut().poll(&mut context) {
+            return outcome;
+        }
+        while let Some(frame) = tx.next_sendable_frame() {
+            // a frame that is not sent is a lost one, and sent again
+            let _ = frame.send_blocking(|bytes| {
+                let _ = link.send(bytes);
+                Ok(bytes.len())
+            });
+        }
+        link.wait(LOOK_NS);
+        while let Some(length) = link.receive(&mut buffer) {
+            // what ethercrab does not know, such as a frame that came twice, is none of ours
+            let _ = rx.receive_frame(&buffer[..length]);
         }
     }
 }
@@ -102,22 +107,27 @@ impl Master {
     ///
     /// # Errors
     /// One line.
-    pub fn to_pre_op(socket: RawSocket) -> Result<Self, String> {
+    pub fn to_pre_op(link: Box<dyn Link>) -> Result<Self, String> {
         // Lives as long as the program; a bus is opened once or twice in one.
         let storage: &'static PduStorage<FRAMES, FRAME_DATA> =
             Box::leak(Box::new(PduStorage::new()));
-        let (tx, rx, pdu_loop) = storage
+        let (mut tx, mut rx, pdu_loop) = storage
             .try_split()
             .map_err(|()| "the frames of a bus are used twice".to_owned())?;
         let config = MainDeviceConfig {
             dc_static_sync_iterations: CLOCK_FRAMES,
             retry_behaviour: RetryBehaviour::Count(3),
         };
-        let main = MainDevice::new(pdu_loop, Timeouts::default(), config);
-        let mut pump = Pump { socket, tx, rx };
+        let timeouts = Timeouts {
+            eeprom: EEPROM_TIME,
+            pdu: FRAME_TIME,
+            ..Timeouts::default()
+        };
+        let main = MainDevice::new(pdu_loop, timeouts, config);
         // System time is the loop's own clock: what the loop follows are differences of one clock.
         let group = guarded("the drives do not come to PRE-OP", || {
-            pump.run(main.init_single_group::<SLAVES_MAX, PROCESS_DATA_MAX>(now_ns))
+            let init = main.init_single_group::<SLAVES_MAX, PROCESS_DATA_MAX>(|| link.now_ns());
+            run(&*link, &mut tx, &mut rx, init)
         })?;
         let devices = group
             .iter(&main)
@@ -139,7 +149,9 @@ impl Master {
             .collect();
         Ok(Self {
             main,
-            pump,
+            link,
+            tx,
+            rx,
             group,
             devices,
         })
@@ -152,12 +164,17 @@ impl Master {
     pub fn map(self) -> Result<(), String> {
         let Self {
             main,
-            mut pump,
+            link,
+            mut tx,
+            mut rx,
             group,
             ..
         } = self;
+        // Answers to others at this cable came meanwhile; ethercrab would take those with its numbers for its own.
+        let mut buffer = [0; FRAME_MAX];
+        while link.receive(&mut buffer).is_some() {}
         guarded("the process data cannot be mapped", || {
-            pump.run(group.into_pre_op_pdi(&main)).map(drop)
+            run(&*link, &mut tx, &mut rx, group.into_pre_op_pdi(&main)).map(drop)
         })
     }
 }

@@ -5,7 +5,8 @@ use std::os::unix::net::{SocketAddr, UnixListener};
 use std::time::Duration;
 
 use ethercat_wire::frame::{u16_at, u32_at, u64_at};
-use ethercat_wire::socket::{RawSocket, now_ns};
+use ethercat_wire::link::{Cable, Link};
+use ethercat_wire::socket::{RawSocket, SocketError};
 use robot::Robot;
 use rt_loop::driver::OpenError;
 
@@ -79,8 +80,6 @@ pub struct Axis {
 
 /// The bus in SAFE-OP, ready to run.
 pub struct Bus {
-    /// Keeps another program of ours off the interface.
-    pub lock: UnixListener,
     /// For what is not urgent.
     pub client: Client,
     /// Slaves along the cable.
@@ -95,13 +94,12 @@ fn hardware(error: impl std::fmt::Display) -> OpenError {
     OpenError::Hardware(error.to_string())
 }
 
-/// The interface for us alone, and its slaves in PRE-OP.
+/// The slaves at a cable in PRE-OP; `interface` is what people call it.
 ///
 /// # Errors
 /// [`OpenError::Hardware`].
-pub fn find(interface: &str) -> Result<(UnixListener, Client, Master), OpenError> {
-    let lock = lock(interface)?;
-    let open = || RawSocket::open(interface).map_err(hardware);
+pub fn find(cable: &dyn Cable, interface: &str) -> Result<(Client, Master), OpenError> {
+    let open = || cable.open().map_err(hardware);
     let (first, count) = CLIENT_INDICES;
     let mut client = Client::new(open()?, first, count);
     if client.hears_another_master(LISTEN_NS) {
@@ -117,18 +115,40 @@ pub fn find(interface: &str) -> Result<(UnixListener, Client, Master), OpenError
     }
     let master = Master::to_pre_op(open()?)
         .map_err(|error| OpenError::Hardware(format!("interface `{interface}`: {error}")))?;
-    Ok((lock, client, master))
+    Ok((client, master))
 }
 
-fn lock(interface: &str) -> Result<UnixListener, OpenError> {
-    // An abstract name belongs to the network namespace, as the interface does, and ends with the program.
-    let name = format!("flexspline-ethercat-{interface}");
-    let address = SocketAddr::from_abstract_name(name).map_err(hardware)?;
-    UnixListener::bind_addr(&address).map_err(|_| {
-        OpenError::Hardware(format!(
-            "interface `{interface}`: another flexspline runs this bus; stop it first"
-        ))
-    })
+/// The cable at an interface that no other program of ours has meanwhile.
+#[derive(Debug)]
+pub struct OwnInterface {
+    name: String,
+    _lock: UnixListener,
+}
+
+impl OwnInterface {
+    /// Takes it.
+    ///
+    /// # Errors
+    /// [`OpenError::Hardware`] while another one has it.
+    pub fn take(name: &str) -> Result<Self, OpenError> {
+        // An abstract name belongs to the network namespace, as the interface does, and ends with the program.
+        let address = SocketAddr::from_abstract_name(format!("flexspline-ethercat-{name}"));
+        let lock = UnixListener::bind_addr(&address.map_err(hardware)?).map_err(|_| {
+            OpenError::Hardware(format!(
+                "interface `{name}`: another flexspline runs this bus; stop it first"
+            ))
+        })?;
+        Ok(Self {
+            name: name.to_owned(),
+            _lock: lock,
+        })
+    }
+}
+
+impl Cable for OwnInterface {
+    fn open(&self) -> Result<Box<dyn Link>, SocketError> {
+        Ok(Box::new(RawSocket::open(&self.name)?))
+    }
 }
 
 /// Axes that a slave has, by their statuswords.
@@ -165,13 +185,17 @@ pub fn exists(
 ///
 /// # Errors
 /// [`OpenError`] in one line.
-pub fn open(robot: &Robot, settings: &Settings, period_ns: u64) -> Result<Bus, OpenError> {
-    let (lock, mut client, master) = find(&settings.bus.interface)?;
+pub fn open(
+    cable: &dyn Cable,
+    robot: &Robot,
+    settings: &Settings,
+    period_ns: u64,
+) -> Result<Bus, OpenError> {
+    let (mut client, master) = find(cable, &settings.bus.interface)?;
     let devices = master.devices.clone();
     let outcome = configure(&mut client, master, robot, settings, period_ns);
     match outcome {
         Ok((slaves, axes, sync0_ns)) => Ok(Bus {
-            lock,
             client,
             slaves,
             axes,
@@ -656,7 +680,7 @@ fn start_clocks(client: &mut Client, devices: &[Device], period_ns: u64) -> Resu
         )));
     }
     let reference = devices[0].station;
-    let end_ns = now_ns() + CLOCKS_NS;
+    let end_ns = client.now_ns() + CLOCKS_NS;
     loop {
         for _ in 0..50 {
             client
@@ -674,7 +698,7 @@ fn start_clocks(client: &mut Client, devices: &[Device], period_ns: u64) -> Resu
         if apart.0 < CLOCKS_NEAR_NS {
             break;
         }
-        if now_ns() > end_ns {
+        if client.now_ns() > end_ns {
             return Err(OpenError::Hardware(format!(
                 "the clock of slave {} ({}) does not come into step: {} ns apart; set distributed_clocks = false in [drive]",
                 apart.1, devices[apart.1].name, apart.0
@@ -703,13 +727,13 @@ fn to_safe_op(client: &mut Client, device: &Device) -> Result<(), OpenError> {
     client
         .write(station, 0x0120, &[SAFE_OP | 0x10, 0])
         .map_err(hardware)?;
-    let end_ns = now_ns() + STATE_NS;
+    let end_ns = client.now_ns() + STATE_NS;
     loop {
         let status = client.read(station, 0x0130, 6).map_err(hardware)?;
         if status[0] == SAFE_OP {
             return Ok(());
         }
-        if status[0] & 0x10 != 0 || now_ns() > end_ns {
+        if status[0] & 0x10 != 0 || client.now_ns() > end_ns {
             let code = u16_at(&status, 4);
             return Err(OpenError::Hardware(format!(
                 "slave {station:#06x} ({}) refuses SAFE-OP: AL status {:#04x}, code {code:#06x}, {}",

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use plant_emulator::{Plant, PlantCommand, PlantError, PlantMode, PlantParameters};
+use plant_emulator::{Plant, PlantCommand, PlantError, PlantMode, PlantParameters, PlantTruth};
 use rand_core::{RngCore, SeedableRng};
 use rand_pcg::Pcg32;
 use robot::{Robot, RobotJoint};
@@ -168,6 +168,23 @@ impl Bench {
         &self.controllers[joint]
     }
 
+    /// The robot as it truly is.
+    pub fn truth(&self) -> PlantTruth {
+        self.plant.truth()
+    }
+
+    /// Breaks something now, for so long. What is of a bus or drive that there is not does nothing.
+    pub fn inject(&mut self, kind: FaultKind, for_ns: u64) {
+        let (Some(first_ns), Some(now_ns)) = (self.first_line_ns, self.now_ns) else {
+            return;
+        };
+        self.faults.push(Fault {
+            kind,
+            start: Duration::from_nanos(now_ns.saturating_sub(first_ns)),
+            duration: Some(Duration::from_nanos(for_ns)),
+        });
+    }
+
     /// Where the links really are, joint side.
     pub fn link_position_rad(&self, joint: usize) -> f64 {
         self.plant.truth().link_position_rad[joint]
@@ -206,7 +223,9 @@ impl Bench {
     pub fn take_line(&mut self, bus: usize, now_ns: u64, line: &[u8]) {
         self.first_line_ns.get_or_insert(now_ns);
         self.advance_to(now_ns);
-        let asked = self.buses[bus].adapter.read(line);
+        let mut line = line.to_vec();
+        self.garble(bus, &mut line);
+        let asked = self.buses[bus].adapter.read(&line);
         match asked {
             Ok(None) => {}
             Ok(Some(Request::Status)) => {
@@ -228,10 +247,12 @@ impl Bench {
 
     /// What the computer can read from a bus by an instant; appended.
     pub fn read(&mut self, bus: usize, now_ns: u64, out: &mut Vec<u8>) {
-        let answers = &mut self.buses[bus].answers;
-        while answers.front().is_some_and(|(due_ns, _)| *due_ns <= now_ns) {
-            if let Some((_, line)) = answers.pop_front() {
+        let is_due = |(due_ns, _): &(u64, Vec<u8>)| *due_ns <= now_ns;
+        while self.buses[bus].answers.front().is_some_and(is_due) {
+            if let Some((_, line)) = self.buses[bus].answers.pop_front() {
+                let begin = out.len();
                 out.extend(line);
+                self.garble(bus, &mut out[begin..]);
             }
         }
     }
@@ -305,6 +326,22 @@ impl Bench {
         }
     }
 
+    /// What noise makes of a line.
+    fn garble(&mut self, bus: usize, line: &mut [u8]) {
+        let noise = self.active().find_map(|kind| match kind {
+            FaultKind::Noise { bus: at, share } if at == bus => Some(share),
+            _ => None,
+        });
+        if let Some(share) = noise
+            && self.chance(bus, share)
+            && !line.is_empty()
+        {
+            let random = &mut self.buses[bus].random;
+            let at = random.next_u32() as usize % line.len();
+            line[at] ^= 1 << (random.next_u32() % 8);
+        }
+    }
+
     fn chance(&mut self, bus: usize, share: f64) -> bool {
         f64::from(self.buses[bus].random.next_u32()) < share * f64::from(u32::MAX)
     }
@@ -345,6 +382,19 @@ impl Bench {
             return;
         }
         let active: Vec<FaultKind> = self.active().collect();
+        for (
+            bus,
+            Bus {
+                adapter, answers, ..
+            },
+        ) in self.buses.iter_mut().enumerate()
+        {
+            if active.contains(&FaultKind::PtyClosed { bus }) {
+                // what an adapter holds goes with its supply
+                *adapter = Adapter::default();
+                answers.clear();
+            }
+        }
         for controller in &mut self.controllers {
             let id = controller.id();
             controller.power(!active.contains(&FaultKind::BrownOut { id }));
@@ -367,6 +417,7 @@ fn check_faults(faults: &[Fault], buses: usize, joints: usize) -> Result<(), Ben
             | FaultKind::PtyClosed { bus }
             | FaultKind::Lost { bus, .. }
             | FaultKind::Doubled { bus, .. }
+            | FaultKind::Noise { bus, .. }
             | FaultKind::Delayed { bus, .. } => ("bus", bus + 1, buses),
         };
         if number > last {

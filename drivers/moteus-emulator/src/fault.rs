@@ -13,6 +13,7 @@
 //! | `lost:1/0.05@2s` | 5 % of the frames from bus 1 are lost on their way to the computer |
 //! | `doubled:1/0.05@2s` | 5 % come twice |
 //! | `delayed:1/2ms@2s` | all come 2 ms late |
+//! | `noise:1/0.05@2s` | 5 % of the lines at the port of bus 1 have a wrong character, both ways |
 
 use std::str::FromStr;
 use std::time::Duration;
@@ -61,6 +62,13 @@ pub enum FaultKind {
         /// Share of them.
         share: f64,
     },
+    /// Lines at the port have a wrong character, both ways.
+    Noise {
+        /// Which, from 0.
+        bus: usize,
+        /// Share of them.
+        share: f64,
+    },
     /// Frames from the bus come late.
     Delayed {
         /// Which, from 0.
@@ -92,7 +100,7 @@ pub enum FaultError {
     },
     /// There is no such kind.
     #[error(
-        "{kind}: no such fault; there are silent, bus-off, pty-closed, drive-fault, brown-out, lost, doubled, delayed"
+        "{kind}: no such fault; there are silent, bus-off, pty-closed, drive-fault, brown-out, lost, doubled, delayed, noise"
     )]
     Kind {
         /// As given.
@@ -151,6 +159,10 @@ impl FromStr for Fault {
                 share: share(text, argument)?,
             },
             "doubled" => FaultKind::Doubled {
+                bus: bus()?,
+                share: share(text, argument)?,
+            },
+            "noise" => FaultKind::Noise {
                 bus: bus()?,
                 share: share(text, argument)?,
             },
@@ -249,6 +261,10 @@ mod tests {
         assert_eq!(
             parsed("doubled:2/1@2s").kind,
             FaultKind::Doubled { bus: 1, share: 1.0 }
+        );
+        assert_eq!(
+            parsed("noise:1/0.5@2s").kind,
+            FaultKind::Noise { bus: 0, share: 0.5 }
         );
         let by = Duration::from_millis(2);
         assert_eq!(

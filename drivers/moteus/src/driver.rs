@@ -7,7 +7,6 @@
 
 use std::time::Duration;
 
-use realtime::clock::monotonic_ns;
 use rt_loop::driver::{
     AGE_MAX_CYCLES, Behind, Capabilities, DriveFault, Driver, DriverEntry, JointCapabilities,
     OpenContext, OpenError,
@@ -18,7 +17,8 @@ use shm_types::instance::{ControlMode, Mode};
 use shm_types::messages::{DriveCommand, DriveMode, DriveRequest, DriveSample, Header};
 
 use crate::capacity;
-use crate::port::{PORTS_MAX, Port, PortError, wait};
+use crate::host::{Computer, Host, PORTS_MAX};
+use crate::port::{Port, PortError, wait};
 use crate::settings::{JointTable, Settings};
 use crate::setup::{Found, set_up};
 use crate::units::{JointUnits, RotorCount, link_rev};
@@ -32,6 +32,10 @@ pub const MOTEUS: DriverEntry = DriverEntry {
     open,
 };
 
+/// Between two questions to the adapter of a bus that is silent.
+const STATUS_NS: u64 = 100_000_000;
+/// Answers to frames that were sent longer ago than so many periods are not of this cycle, however late the loop is.
+const OLD_PERIODS: u64 = 2;
 /// Between two tries to open a port that is gone.
 const REOPEN_NS: u64 = 200_000_000;
 /// How long the drives are told to stop at the end.
@@ -50,43 +54,12 @@ mod mode {
 }
 
 fn open(context: &OpenContext<'_>) -> Result<Box<dyn Driver>, OpenError> {
-    let robot = context.robot;
     if context.run.mode == Mode::Lockstep {
         return Err(OpenError::Setting(
             "moteus drives keep their own time; run with --mode realtime".to_owned(),
         ));
     }
-    let settings = Settings::of(robot)?;
-    if settings.bus.ports.len() > PORTS_MAX {
-        return Err(OpenError::Setting(format!(
-            "[drive] ports names {} ports, {PORTS_MAX} are the most",
-            settings.bus.ports.len()
-        )));
-    }
-    let on_bus = times_on_bus(&settings, context);
-    check_capacity(&settings, &on_bus, context.run.period_ns)?;
-    let mut ports = Vec::new();
-    for path in &settings.bus.ports {
-        ports.push(Port::open(path)?);
-    }
-    let found = set_up(&mut ports, &settings, robot)?;
-    let joints = robot.joints.iter().zip(&settings.joints).zip(&found);
-    let joints: Vec<Joint> = joints
-        .map(|((joint, table), found)| {
-            let limit_nm = joint.torque_limit_nm.unwrap_or(found.motor_torque_max_nm);
-            Joint::new(joint.gear_ratio, limit_nm, table, found.has_link_encoder)
-        })
-        .collect();
-    Ok(Box::new(MoteusDriver {
-        session: context.run.session,
-        on_bus: told(&settings, &on_bus),
-        ports,
-        joints,
-        found,
-        sent_at_ns: 0,
-        gone_at_ns: 0,
-        frames_lost: 0,
-    }))
+    Ok(Box::new(MoteusDriver::open(context, Box::new(Computer))?))
 }
 
 /// How long each joint's frames are on its bus.
@@ -164,14 +137,18 @@ struct Joint {
     /// Whether it has obeyed once. Until then it is left without current, and so is whatever holds the arm.
     was_enabled: bool,
     newest: Option<Answer>,
-    /// Cycles since the newest answer.
+    /// The newest of a drive that knew where its joint is: a drive that lost its supply may count from elsewhere.
+    placed: Option<Answer>,
+    /// What a drive knows of that, as found when it was opened.
+    home: i32,
+    /// Cycles since the newest answer that tells where the joint is.
     age_cycles: u32,
     /// Whether an answer is still to come.
     is_asked: bool,
 }
 
 impl Joint {
-    fn new(gear_ratio: f64, limit_nm: f64, table: &JointTable, has_link_encoder: bool) -> Self {
+    fn new(gear_ratio: f64, limit_nm: f64, table: &JointTable, found: &Found) -> Self {
         Self {
             id: table.id,
             bus: table.bus - 1,
@@ -180,10 +157,12 @@ impl Joint {
                 sign: if table.reversed { -1.0 } else { 1.0 },
             },
             torque_max_nm: limit_nm * gear_ratio.abs(),
-            has_link_encoder,
+            has_link_encoder: found.has_link_encoder,
             rotor: RotorCount::default(),
             was_enabled: false,
             newest: None,
+            placed: None,
+            home: found.home,
             age_cycles: AGE_MAX_CYCLES + 1,
             is_asked: false,
         }
@@ -191,8 +170,11 @@ impl Joint {
 
     fn take(&mut self, answer: Answer) {
         self.newest = Some(answer);
-        self.age_cycles = 0;
         self.is_asked = false;
+        if answer.home >= self.home {
+            self.placed = Some(answer);
+            self.age_cycles = 0;
+        }
     }
 
     /// What it is to do in this cycle.
@@ -262,11 +244,11 @@ impl Joint {
         Ok(Ask::Position(aim))
     }
 
-    fn state(&self, found: &Found) -> DriveState {
+    fn state(&self) -> DriveState {
         let Some(answer) = self.newest else {
             return DriveState::NotReady;
         };
-        if answer.home < found.home {
+        if answer.home < self.home {
             // It was without supply, and no longer knows where the joint is.
             return DriveState::NotReady;
         }
@@ -282,7 +264,7 @@ impl Joint {
     /// Its readings and how it is, into its place in a sample.
     fn put(&mut self, found: &Found, index: usize, sample: &mut DriveSample) {
         let drives = &mut sample.drives;
-        drives.state[index] = self.state(found) as u32;
+        drives.state[index] = self.state() as u32;
         drives.mode[index] = self.drive_mode() as u32;
         drives.age_cycles[index] = self.age_cycles;
         let Some(answer) = self.newest else {
@@ -296,6 +278,9 @@ impl Joint {
         }
         drives.position_validity[index] = validity(answer.home, self.units.gear_ratio);
         drives.supply_voltage_v[index] = answer.supply_v;
+        let Some(answer) = self.placed else {
+            return;
+        };
         let (units, sign) = (self.units, found.output_sign);
         let coarse_rev = answer.position_rev * units.gear_ratio;
         let rotor_rev = self
@@ -341,8 +326,8 @@ fn validity(home: i32, gear_ratio: f64) -> u32 {
 }
 
 /// The drives of a robot.
-#[derive(Debug)]
 pub struct MoteusDriver {
+    host: Box<dyn Host>,
     session: u64,
     on_bus: String,
     ports: Vec<Port>,
@@ -350,12 +335,57 @@ pub struct MoteusDriver {
     found: Vec<Found>,
     /// When the frames were sent that are answered next.
     sent_at_ns: u64,
+    period_ns: u64,
+    /// When an adapter was last asked how its bus is.
+    asked_status_ns: u64,
     /// When a port was last missed.
     gone_at_ns: u64,
     frames_lost: u64,
 }
 
 impl MoteusDriver {
+    /// Finds the drives of a robot at the ports of `host` and looks at each. Nothing moves.
+    ///
+    /// # Errors
+    /// [`OpenError`]: where, what is wrong, what to change.
+    pub fn open(context: &OpenContext<'_>, host: Box<dyn Host>) -> Result<Self, OpenError> {
+        let robot = context.robot;
+        let settings = Settings::of(robot)?;
+        if settings.bus.ports.len() > PORTS_MAX {
+            return Err(OpenError::Setting(format!(
+                "[drive] ports names {} ports, {PORTS_MAX} are the most",
+                settings.bus.ports.len()
+            )));
+        }
+        let on_bus = times_on_bus(&settings, context);
+        check_capacity(&settings, &on_bus, context.run.period_ns)?;
+        let mut ports = Vec::new();
+        for path in &settings.bus.ports {
+            ports.push(Port::open(&*host, path)?);
+        }
+        let found = set_up(&*host, &mut ports, &settings, robot)?;
+        let joints = robot.joints.iter().zip(&settings.joints).zip(&found);
+        let joints: Vec<Joint> = joints
+            .map(|((joint, table), found)| {
+                let limit_nm = joint.torque_limit_nm.unwrap_or(found.motor_torque_max_nm);
+                Joint::new(joint.gear_ratio, limit_nm, table, found)
+            })
+            .collect();
+        Ok(Self {
+            host,
+            session: context.run.session,
+            on_bus: told(&settings, &on_bus),
+            ports,
+            joints,
+            found,
+            sent_at_ns: 0,
+            period_ns: context.run.period_ns,
+            asked_status_ns: 0,
+            gone_at_ns: 0,
+            frames_lost: 0,
+        })
+    }
+
     /// Takes what has come.
     fn take_answers(&mut self) {
         let Self { ports, joints, .. } = self;
@@ -402,7 +432,7 @@ impl MoteusDriver {
             self.frames_lost += u64::from(joint.is_asked);
             joint.is_asked = true;
         }
-        self.sent_at_ns = monotonic_ns();
+        self.sent_at_ns = self.host.now_ns();
         for port in &mut self.ports {
             match port.send() {
                 Ok(()) => {}
@@ -413,11 +443,30 @@ impl MoteusDriver {
         outcome
     }
 
+    /// A bus of which nothing comes may be off, and only its adapter knows.
+    fn ask_about_silent_buses(&mut self, now_ns: u64) {
+        if now_ns < self.asked_status_ns + STATUS_NS {
+            return;
+        }
+        let Self { ports, joints, .. } = self;
+        for (bus, port) in ports.iter_mut().enumerate() {
+            let mut on_bus = joints.iter().filter(|joint| joint.bus == bus).peekable();
+            let is_silent =
+                on_bus.peek().is_some() && on_bus.all(|joint| joint.age_cycles > AGE_MAX_CYCLES);
+            if is_silent && port.is_open() {
+                self.asked_status_ns = now_ns;
+                // one that cannot be asked now is asked the next time
+                let _ = port.ask_status();
+            }
+        }
+    }
+
     fn sample(&mut self, cycle: u64, measured_at_ns: u64) -> Result<DriveSample, DriveFault> {
         if !self.joints.iter().any(|joint| joint.age_cycles == 0) {
-            let is_gone = !self.ports.iter().any(Port::is_open);
-            return Err(if is_gone {
+            return Err(if !self.ports.iter().any(Port::is_open) {
                 DriveFault::LinkLost
+            } else if self.ports.iter().all(Port::is_bus_off) {
+                DriveFault::BusOff
             } else {
                 DriveFault::NoSample
             });
@@ -435,7 +484,7 @@ impl MoteusDriver {
         let mut mode = DriveMode::Torque;
         for (index, (joint, found)) in self.joints.iter_mut().zip(&self.found).enumerate() {
             joint.put(found, index, &mut sample);
-            if joint.state(found) != DriveState::Enabled {
+            if joint.state() != DriveState::Enabled {
                 mode = DriveMode::Braked;
             }
         }
@@ -446,6 +495,9 @@ impl MoteusDriver {
         sample.bus.frames_lost = self.frames_lost;
         if !self.ports.iter().all(Port::is_open) {
             sample.bus.faults |= bus_fault::LINK_LOST;
+        }
+        if self.ports.iter().any(Port::is_bus_off) {
+            sample.bus.faults |= bus_fault::BUS_OFF;
         }
         Ok(sample)
     }
@@ -482,24 +534,29 @@ impl Driver for MoteusDriver {
     fn read(
         &mut self,
         cycle: u64,
-        _planned_ns: u64,
+        planned_ns: u64,
         give_up_at_ns: u64,
     ) -> Result<DriveSample, DriveFault> {
         for joint in &mut self.joints {
             joint.age_cycles = joint.age_cycles.saturating_add(1);
         }
         self.take_answers();
-        if self.sent_at_ns == 0 {
-            // The first cycle: nobody has been asked yet.
+        let since_ns = planned_ns.saturating_sub(self.sent_at_ns);
+        if self.sent_at_ns == 0 || since_ns > OLD_PERIODS * self.period_ns {
+            // In the first cycle nobody has been asked yet, and a loop that overslept has the answers of long ago.
+            let age_cycles = u32::try_from(since_ns / self.period_ns).unwrap_or(u32::MAX);
+            for joint in &mut self.joints {
+                joint.age_cycles = joint.age_cycles.max(age_cycles);
+            }
             self.transmit(|_, _| Ok(Ask::Query))?;
         }
         let sent_at_ns = self.sent_at_ns;
         while !self.is_complete() {
-            let now_ns = monotonic_ns();
+            let now_ns = self.host.now_ns();
             if now_ns >= give_up_at_ns {
                 break;
             }
-            wait(&self.ports, give_up_at_ns - now_ns);
+            wait(&*self.host, &self.ports, give_up_at_ns - now_ns);
             self.take_answers();
         }
         self.sample(cycle, sent_at_ns)
@@ -512,18 +569,21 @@ impl Driver for MoteusDriver {
     }
 
     fn prepare(&mut self) {
-        let now_ns = monotonic_ns();
+        let now_ns = self.host.now_ns();
+        self.ask_about_silent_buses(now_ns);
         if self.ports.iter().all(Port::is_open) || now_ns < self.gone_at_ns + REOPEN_NS {
             return;
         }
         self.gone_at_ns = now_ns;
-        self.ports.iter_mut().for_each(Port::reopen);
+        for port in &mut self.ports {
+            port.reopen(&*self.host);
+        }
     }
 
     fn shutdown(&mut self) {
         for _ in 0..SHUTDOWN_TRIES {
             let _ = self.transmit(|_, _| Ok(Ask::Stop));
-            realtime::clock::sleep_until(monotonic_ns() + SHUTDOWN_NS);
+            self.host.sleep(SHUTDOWN_NS);
             self.take_answers();
             let is_stopped = |joint: &Joint| {
                 joint

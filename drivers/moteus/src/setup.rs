@@ -12,10 +12,10 @@ use moteus_protocol::{
     CURRENT_REGISTER_MAP_VERSION, CanFdFrame, Subframe, SubframeType, Value,
     calculate_arbitration_id, parse_arbitration_id, parse_frame,
 };
-use realtime::clock::monotonic_ns;
 use robot::Robot;
 use rt_loop::driver::OpenError;
 
+use crate::host::Host;
 use crate::port::{Port, wait};
 use crate::settings::Settings;
 
@@ -64,13 +64,14 @@ pub(crate) struct Found {
 /// # Errors
 /// [`OpenError::Hardware`]: which joint, what is wrong, what to change.
 pub(crate) fn set_up(
+    host: &dyn Host,
     ports: &mut [Port],
     settings: &Settings,
     robot: &Robot,
 ) -> Result<Vec<Found>, OpenError> {
     let mut present: Vec<Vec<u8>> = Vec::new();
     for port in ports.iter_mut() {
-        present.push(drives_on(port)?);
+        present.push(drives_on(host, port)?);
     }
     let mut found = Vec::new();
     for (joint, table) in robot.joints.iter().zip(&settings.joints) {
@@ -87,6 +88,7 @@ pub(crate) fn set_up(
         }
         let place = format!("joint `{}`, id {} on {}", joint.name, table.id, port.path());
         let mut drive = Drive {
+            host,
             port,
             id: table.id,
             place,
@@ -109,8 +111,8 @@ fn told_ids(ids: &[u8]) -> String {
 }
 
 /// The identifiers that answer on a bus.
-fn drives_on(port: &mut Port) -> Result<Vec<u8>, OpenError> {
-    // Drives that ask for checksums refuse the first line and take the second.
+fn drives_on(host: &dyn Host, port: &mut Port) -> Result<Vec<u8>, OpenError> {
+    // An adapter that knows no checksums refuses the first line and takes the second.
     for _ in 0..TRIES {
         let mut query = CanFdFrame::new();
         query.arbitration_id = calculate_arbitration_id(0, BROADCAST, 0, true);
@@ -118,7 +120,7 @@ fn drives_on(port: &mut Port) -> Result<Vec<u8>, OpenError> {
         query.data[..2].copy_from_slice(&[0x11, 0x00]);
         query.size = 2;
         let mut ids = Vec::new();
-        exchange(port, &query, LISTEN_NS, |frame| {
+        exchange(host, port, &query, LISTEN_NS, |frame| {
             ids.push(parse_arbitration_id(frame.arbitration_id).0 as u8);
             false
         })?;
@@ -139,6 +141,7 @@ fn drives_on(port: &mut Port) -> Result<Vec<u8>, OpenError> {
 
 /// Sends a frame and hands over what comes until `take` has what it wants or the time is over; whether it had.
 fn exchange(
+    host: &dyn Host,
     port: &mut Port,
     frame: &CanFdFrame,
     wait_ns: u64,
@@ -146,7 +149,7 @@ fn exchange(
 ) -> Result<bool, OpenError> {
     let gone =
         |path: &str| OpenError::Hardware(format!("{path}: the port is gone; check the adapter"));
-    let until_ns = monotonic_ns() + wait_ns;
+    let until_ns = host.now_ns() + wait_ns;
     if port.queue(frame).is_err() || port.send().is_err() {
         return Err(gone(port.path()));
     }
@@ -154,16 +157,17 @@ fn exchange(
     loop {
         let received = port.receive(|frame| done |= take(frame));
         received.map_err(|_| gone(port.path()))?;
-        let now_ns = monotonic_ns();
+        let now_ns = host.now_ns();
         if done || now_ns >= until_ns {
             return Ok(done);
         }
-        wait(std::slice::from_ref(port), until_ns - now_ns);
+        wait(host, std::slice::from_ref(port), until_ns - now_ns);
     }
 }
 
 /// One drive, before it is used.
 struct Drive<'a> {
+    host: &'a dyn Host,
     port: &'a mut Port,
     id: u8,
     place: String,
@@ -305,7 +309,7 @@ impl Drive<'_> {
             let mut frame = self.frame();
             frame.arbitration_id = calculate_arbitration_id(0, self.id as i8, 0, false);
             frame.size = write_client_to_server(CHANNEL, part, &mut frame.data);
-            exchange(self.port, &frame, 0, |_| true)?;
+            exchange(self.host, self.port, &frame, 0, |_| true)?;
         }
         let mut answer = Vec::new();
         for _ in 0..POLLS {
@@ -348,7 +352,7 @@ impl Drive<'_> {
         for _ in 0..TRIES {
             let ours =
                 |frame: &CanFdFrame| parse_arbitration_id(frame.arbitration_id).0 as u8 == id;
-            if exchange(self.port, query, ANSWER_NS, |frame| {
+            if exchange(self.host, self.port, query, ANSWER_NS, |frame| {
                 ours(frame) && take(frame)
             })? {
                 break;

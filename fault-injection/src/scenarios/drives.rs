@@ -1,6 +1,7 @@
 //! Faults between loop and drives: of frames, and of what is in them.
 
 use shm_types::messages::LoopState;
+use virtual_drives::Kind;
 
 use super::{FOR_GOOD, LONG_CYCLES, SHORT_CYCLES, Scenario, now_and_then, window};
 use crate::Window;
@@ -110,7 +111,9 @@ pub fn frames() -> Vec<Scenario> {
             short,
             window(100),
             CommandLost,
-        ),
+        )
+        // its watchdog takes a slave out of OP
+        .ending_on(Kind::Ethercat, SafeStop),
         drive(
             "commands do not reach the drives, for good",
             SafeStop,
@@ -248,7 +251,8 @@ pub fn drives() -> Vec<Scenario> {
             short,
             window(100),
             CommandNotSent,
-        ),
+        )
+        .ending_on(Kind::Ethercat, SafeStop),
         drive(
             "one drive silent, 7 cycles",
             Running,

@@ -1,11 +1,14 @@
 //! The list of faults, and the state each has to end in.
 
+mod buses;
 mod drives;
 mod operator;
 mod services;
 
+use robot::Robot;
 use rt_loop::cycle::Orders;
 use shm_types::messages::LoopState;
+use virtual_drives::{BusFault, Kind};
 
 use crate::Window;
 use crate::bench::orders;
@@ -30,12 +33,16 @@ pub struct Scenario {
     pub name: &'static str,
     /// The state it has to end in.
     pub end_state: LoopState,
+    /// Where drives of a kind have another one.
+    pub end_states: Vec<(Kind, LoopState)>,
     /// How long it is run.
     pub cycles: u64,
     /// Between loop and drives.
     pub drive: Vec<(Window, DriveDisturbance)>,
     /// Between loop and controller.
     pub service: Vec<(Window, ServiceDisturbance)>,
+    /// On the bus, with the cycle in which each begins.
+    pub bus: Vec<(u64, BusFault)>,
     /// From operator and supervisor.
     pub orders: Vec<(Window, OrderDisturbance)>,
     /// A cycle after which the loop oversleeps so many periods.
@@ -72,12 +79,36 @@ impl Scenario {
         Self {
             name,
             end_state,
+            end_states: Vec::new(),
             cycles,
             drive: Vec::new(),
             service: Vec::new(),
+            bus: Vec::new(),
             orders: Vec::new(),
             overslept: None,
         }
+    }
+
+    /// Nothing is broken.
+    pub(crate) fn calm() -> Self {
+        Self::new("none", LoopState::Running, SHORT_CYCLES)
+    }
+
+    /// The same with another end.
+    fn ending(self, end_state: LoopState) -> Self {
+        Self { end_state, ..self }
+    }
+
+    /// The same with another end on drives of a kind.
+    fn ending_on(mut self, kind: Kind, end_state: LoopState) -> Self {
+        self.end_states.push((kind, end_state));
+        self
+    }
+
+    /// The state it has to end in on drives of a kind.
+    pub fn end_state_on(&self, kind: Kind) -> LoopState {
+        let of_kind = self.end_states.iter().find(|(of, _)| *of == kind);
+        of_kind.map_or(self.end_state, |(_, end_state)| *end_state)
     }
 
     /// First cycle of the fault.
@@ -98,9 +129,14 @@ impl Scenario {
     }
 }
 
-/// Every scenario, in the order of the table.
+/// Faults of a robot's bus of drives of a kind.
+pub fn of_bus(kind: Kind, robot: &Robot) -> Vec<Scenario> {
+    buses::of(kind, robot)
+}
+
+/// Every scenario that any drives can have, in the order of the table.
 pub fn all() -> Vec<Scenario> {
-    let mut all = vec![Scenario::new("none", LoopState::Running, SHORT_CYCLES)];
+    let mut all = vec![Scenario::calm()];
     all.extend(drives::frames());
     all.extend(drives::readings());
     all.extend(drives::drives());
@@ -118,16 +154,18 @@ mod tests {
     #[test]
     fn every_fault_ends_in_its_documented_state_within_the_torque_limit() {
         // The PA-10 has its turn in the fault suite of the command line.
-        let bench = Bench::new("shd17").expect("a shipped robot");
-        for scenario in all() {
-            let outcome = bench.run(&scenario).expect("runs");
-            let end_state = format!("{:?}", scenario.end_state);
-            assert_eq!(
-                outcome.end_state, end_state,
-                "{}: {outcome:?}",
-                scenario.name
-            );
-            assert!(outcome.torque_max <= 1.0, "{}: {outcome:?}", scenario.name);
+        for kind in Kind::ALL {
+            let bench = Bench::new("shd17", kind).expect("a shipped robot");
+            for scenario in all().into_iter().chain(of_bus(kind, bench.robot())) {
+                let outcome = bench.run(&scenario).expect("runs");
+                assert!(
+                    outcome.is_as_documented(&scenario, kind),
+                    "{} on {}: {outcome:?}",
+                    scenario.name,
+                    kind.name()
+                );
+                assert!(outcome.torque_max <= 1.0, "{}: {outcome:?}", scenario.name);
+            }
         }
     }
 }

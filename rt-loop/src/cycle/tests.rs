@@ -576,6 +576,16 @@ fn a_drive_fault_while_moving_is_told_with_joint_and_code_and_reset_by_the_opera
         DriveRequest::None as u32
     );
     assert_eq!(state.state, LoopState::Ready);
+    // A device that has left its exchange is asked as long.
+    let mut state = CycleState::default();
+    reset(&mut state, 0, &tripped, false);
+    let mut gone = told([SwitchedOff; 2]);
+    gone.drives.device_status[1] = 0x001b_0014;
+    assert_eq!(reset(&mut state, 1, &gone, true), asked);
+    assert_eq!(reset(&mut state, 2, &gone, false), asked);
+    assert_eq!(state.state, LoopState::SafeStop);
+    reset(&mut state, 3, &cleared, false);
+    assert_eq!(state.state, LoopState::Ready);
     // One that does not clear is asked for a while and no longer.
     let mut state = CycleState::default();
     reset(&mut state, 0, &tripped, false);

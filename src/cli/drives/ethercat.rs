@@ -41,7 +41,7 @@ pub struct EmulateEthercatArguments {
     /// SYNC0 cycle times that the drives take, as 2ms,8ms; any from 125us on if not given
     #[arg(long, value_name = "T,T", value_delimiter = ',', value_parser = humantime::parse_duration)]
     pub cycle_times: Vec<Duration>,
-    /// What the last slave's clock is off by in millionths; the others lie between it and 0
+    /// What the first slave's clock, the bus's, is off by in millionths; the others lie between it and 0
     #[arg(
         long,
         default_value_t = 20.0,
