@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, Union
 
 import fsspec
+import flexspline
 from fsspec.implementations.local import LocalFileSystem
 
 from . import _dataset as dataset
@@ -106,8 +107,13 @@ class _RobotFiles:
     def digest(self, path: str) -> str:
         if path not in self.digests:
             fs, inner = fsspec.core.url_to_fs(path)
-            # a name of a shipped robot is no file; what it holds comes with the product's version
-            self.digests[path] = digest(fs.cat_file(inner)) if fs.isfile(inner) else path
+            is_file = fs.isfile(inner)
+            shipped = isinstance(fs, LocalFileSystem) and not is_file
+            if isinstance(fs, LocalFileSystem):
+                # one line now, and not one for each recording
+                flexspline.Robot(path if shipped else inner)
+            # what a shipped robot is comes with the product's version
+            self.digests[path] = path if shipped else digest(fs.cat_file(inner))
         return self.digests[path]
 
 
