@@ -48,6 +48,19 @@ use clap::Parser;
 use crate::cli::{Cli, Command};
 use crate::error::CliError;
 
+/// What the commands do, for programs that have robot and recordings in memory.
+pub mod library {
+    pub use crate::error::CliError;
+    pub use crate::gap::apply::{Change, Mended, RobotText, mended, save};
+    pub use crate::gap::diagnose::{nothing_to_say, recorded_joints_of, summary};
+    pub use crate::gap::page::words::{sentence, verdict_in_words};
+    pub use crate::gap::page::{page, short_page};
+    pub use crate::gap::suggest::{Suggested, suggested};
+    pub use crate::gap::watch::{Feed, Rows};
+    pub use crate::identify::identify_into;
+    pub use crate::recording::{Followed, read, read_of, write};
+}
+
 /// The contract with the hardware.
 pub use rt_loop::driver;
 /// How drives tell what they are.

@@ -16,6 +16,7 @@ pub mod recorded_motion;
 pub mod report;
 pub mod separate;
 pub mod signal;
+pub mod stop;
 pub mod twin;
 pub mod watch;
 

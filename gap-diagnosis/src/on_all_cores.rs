@@ -4,17 +4,24 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
+use crate::stop;
+
 /// An iterator whose items are worked on at once.
 pub(crate) trait OnAllCores: Iterator<Item: Send> + Sized {
     /// What `of` makes of each item, in the items' order. It may do the same with items of its own.
     fn on_all_cores<R: Send>(self, of: impl Fn(Self::Item) -> R + Sync) -> impl Iterator<Item = R> {
         let places: Vec<Mutex<Place<Self::Item, R>>> =
             self.map(|item| Mutex::new(Place::Asked(item))).collect();
+        let flag = stop::flag();
         // each place is locked by one worker, once; where one panics, `each` does
         each(places.len(), &|k| {
             let mut place = places[k].lock().unwrap_or_else(PoisonError::into_inner);
             if let Place::Asked(item) = std::mem::replace(&mut *place, Place::Empty) {
-                *place = Place::Made(of(item));
+                let made = stop::under(flag.clone(), || {
+                    stop::look();
+                    of(item)
+                });
+                *place = Place::Made(made);
             }
         });
         places.into_iter().filter_map(|place| {

@@ -7,7 +7,7 @@ use crate::error::Place;
 use crate::guess::{Guess, GuessJoint, guess_frame};
 use crate::mapping::Mapping;
 use crate::names::array_signal;
-use crate::{JOINTS_MAX, ReadProblem, Recording, Signal};
+use crate::{JOINTS_MAX, ReadError, ReadProblem, Recording, Signal};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -76,6 +76,46 @@ pub(crate) fn times_s(values: &Values, unit: Option<UnitsPerSecond>) -> Option<V
     };
     let is_told = unit.is_some() || matches!(values, Values::Instants(..));
     Some(Clock::new(instants?, is_told).time_s)
+}
+
+/// The recording of a table in memory: its columns by name, a value for each row, NaN where there is none. Which column is which
+/// signal is told by its name, `time_s` and `JOINT.SIGNAL`, or else guessed as [`guess`](crate::guess()) does it; then the guess is in
+/// the metadata too, as `columns_guessed`. `name` is what errors call the table.
+///
+/// # Errors
+/// As [`read_guessing`](crate::read_guessing).
+pub fn from_columns(
+    name: &Path,
+    columns: Vec<(String, Vec<f64>)>,
+    joints: &[GuessJoint],
+) -> Result<(Recording, Option<Guess>), ReadError> {
+    let columns = columns.into_iter().map(|(name, values)| Column {
+        name,
+        values: Values::Numbers(values),
+    });
+    let frame = Frame {
+        columns: columns.collect(),
+        ..Frame::default()
+    };
+    let table = frame
+        .check_lengths()
+        .and_then(|()| frame.into_guessed_table(name, joints));
+    table.map(with_guess_told).map_err(|problem| ReadError {
+        path: name.to_owned(),
+        problem,
+    })
+}
+
+/// Writes down what was guessed.
+pub(crate) fn with_guess_told(
+    (mut recording, guess): (Recording, Option<Guess>),
+) -> (Recording, Option<Guess>) {
+    if let Some(guess) = &guess {
+        let lines = guess.lines().join("; ");
+        let key = "columns_guessed".to_owned();
+        recording.metadata.insert(key, lines);
+    }
+    (recording, guess)
 }
 
 /// A table with a column for each joint, whose names it does not have.

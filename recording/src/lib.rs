@@ -54,6 +54,7 @@ mod writer;
 pub use check::{CheckJoint, CheckRobot, Finding, FindingKind, STILL_RAD, Severity, check};
 pub use csv_table::write_csv;
 pub use error::{MappingProblem, Place, ReadError, ReadProblem, WriteError};
+pub use frame::from_columns;
 pub use guess::{Guess, GuessJoint, GuessedColumn, Sure, guess};
 pub use info::{JointInfo, RecordingInfo, SignalInfo, Timing, describe};
 pub use mapping::mapping_beside;
@@ -110,17 +111,11 @@ pub fn read_guessing(
         return Ok((read(path)?, None));
     }
     let read = sources::source(path).and_then(|source| source.read_guessing(path, joints));
-    let (mut recording, guess) = read.map_err(|problem| ReadError {
-        path: path.to_owned(),
-        problem,
-    })?;
-    if let Some(guess) = &guess {
-        let lines = guess.lines().join("; ");
-        recording
-            .metadata
-            .insert("columns_guessed".to_owned(), lines);
-    }
-    Ok((recording, guess))
+    read.map(frame::with_guess_told)
+        .map_err(|problem| ReadError {
+            path: path.to_owned(),
+            problem,
+        })
 }
 
 fn read_with(path: &Path, given: Option<&Path>) -> Result<Recording, ReadError> {

@@ -24,10 +24,11 @@ const DIGITS: usize = 6;
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Change {
     /// None for the whole arm.
-    joint: Option<String>,
-    effect: &'static str,
+    pub joint: Option<String>,
+    /// Its name.
+    pub effect: &'static str,
     /// What was done, in words.
-    done: String,
+    pub done: String,
 }
 
 /// For programs.
@@ -46,7 +47,7 @@ struct Applied<'a> {
 /// # Errors
 /// [`CliError::Input`] for bad input, [`CliError::Negative`] if the report names no effect.
 pub fn apply(arguments: &GapApplyArguments) -> Result<(), CliError> {
-    let mut report = read_report(&arguments.report)?;
+    let report = read_report(&arguments.report)?;
     let simulator = match arguments.format {
         ApplyFormat::Toml => None,
         ApplyFormat::Mjcf => Some(Simulator::Mjcf),
@@ -57,46 +58,101 @@ pub fn apply(arguments: &GapApplyArguments) -> Result<(), CliError> {
         return simulator::apply(arguments, &report, simulator);
     }
     let (text, source) = robot::load_text(&arguments.robot).map_err(CliError::input)?;
-    let file = RobotFile::parse(&text, &arguments.robot).map_err(CliError::input)?;
-    check_name(arguments, &report, &file.name)?;
-    let robot = file.build(source.clone()).map_err(CliError::input)?;
-    put_payloads_on_last_link(&mut report, &robot);
-    let refuse =
-        |reason: String| CliError::Input(format!("{}: {reason}", arguments.report.display()));
-    let (mut text, mut changes) = with_effects(&text, &report).map_err(refuse)?;
-    let mut left_out = Vec::new();
-    if arguments.remaining {
-        let rest = remaining::with_remaining(&text, &report).map_err(refuse)?;
-        text = rest.text;
-        changes.extend(rest.changes);
-        left_out = rest.left_out;
-    }
-    if changes.is_empty() {
-        return Err(names_nothing(arguments));
-    }
-    let text = with_description(text, &source, &arguments.out)?;
-    check(&text, &arguments.out)?;
-    write_text(&arguments.out, &text)?;
-    tell(arguments, &changes, &left_out)
+    let robot = RobotText {
+        text: &text,
+        source: &source,
+        name: &arguments.robot,
+    };
+    let report_name = arguments.report.display().to_string();
+    let mended = mended(&robot, report, &report_name, arguments.remaining)?;
+    save(&mended.text, &source, &arguments.out)?;
+    tell(arguments, &mended.changes, &mended.left_out)
 }
 
-fn names_nothing(arguments: &GapApplyArguments) -> CliError {
+/// Writes a robot file that came from there; what it names is then named from where it is.
+///
+/// # Errors
+/// [`CliError::Input`] if nobody can have such a robot, or it cannot be written.
+pub fn save(text: &str, source: &Source, out: &Path) -> Result<(), CliError> {
+    let text = with_description(text.to_owned(), source, out)?;
+    check(&text, out)?;
+    write_text(out, &text)
+}
+
+/// A robot file as it is written.
+#[derive(Clone, Copy, Debug)]
+pub struct RobotText<'a> {
+    /// Its text.
+    pub text: &'a str,
+    /// Where it came from.
+    pub source: &'a Source,
+    /// What errors call it.
+    pub name: &'a str,
+}
+
+/// A robot file with a report's effects in it.
+#[derive(Clone, Debug)]
+pub struct Mended {
+    /// Everything else as it was written. A URDF or a MuJoCo model is named from where the robot file was.
+    pub text: String,
+    /// What was changed.
+    pub changes: Vec<Change>,
+    /// What of the rest no table holds, in sentences.
+    pub left_out: Vec<String>,
+}
+
+/// Adds a report's effects to a robot file, with `remaining` also what has no name, as tables. `report_name` is what errors call the
+/// report.
+///
+/// # Errors
+/// [`CliError::Input`] if the report does not fit the robot, [`CliError::Negative`] if it names no effect.
+pub fn mended(
+    robot: &RobotText<'_>,
+    mut report: Report,
+    report_name: &str,
+    remaining: bool,
+) -> Result<Mended, CliError> {
+    let file = RobotFile::parse(robot.text, robot.name).map_err(CliError::input)?;
+    check_name([report_name, robot.name], &report, &file.name)?;
+    let built = file.build(robot.source.clone()).map_err(CliError::input)?;
+    put_payloads_on_last_link(&mut report, &built);
+    let refuse = |reason: String| CliError::Input(format!("{report_name}: {reason}"));
+    let (text, changes) = with_effects(robot.text, &report).map_err(refuse)?;
+    let mut mended = Mended {
+        text,
+        changes,
+        left_out: Vec::new(),
+    };
+    if remaining {
+        let rest = remaining::with_remaining(&mended.text, &report).map_err(refuse)?;
+        mended.text = rest.text;
+        mended.changes.extend(rest.changes);
+        mended.left_out = rest.left_out;
+    }
+    if mended.changes.is_empty() {
+        return Err(names_nothing(report_name));
+    }
+    Ok(mended)
+}
+
+fn names_nothing(report_name: &str) -> CliError {
     CliError::Negative(format!(
-        "{}: names no effect, so there is nothing to add",
-        arguments.report.display()
+        "{report_name}: names no effect, so there is nothing to add"
     ))
 }
 
 /// Whether the report is about this robot.
-fn check_name(arguments: &GapApplyArguments, report: &Report, name: &str) -> Result<(), CliError> {
+fn check_name(
+    [report_name, robot_name]: [&str; 2],
+    report: &Report,
+    name: &str,
+) -> Result<(), CliError> {
     if name == report.robot {
         return Ok(());
     }
     Err(CliError::Input(format!(
-        "{}: is about robot `{}`, --robot {} is `{name}`; give the robot file that was diagnosed",
-        arguments.report.display(),
+        "{report_name}: is about robot `{}`, --robot {robot_name} is `{name}`; give the robot file that was diagnosed",
         report.robot,
-        arguments.robot,
     )))
 }
 

@@ -36,11 +36,7 @@ struct Told<'a> {
 pub fn diagnose(arguments: &GapDiagnoseArguments) -> Result<(), CliError> {
     let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
     let (recordings, mut guessed) = read_all(&arguments.recording, arguments, &robot)?;
-    let recorded: Vec<&str> = recordings
-        .iter()
-        .flat_map(|(_, recording)| recording.joint_names())
-        .collect();
-    let robot = robot.moving_only(&recorded).map_err(CliError::input)?;
+    let robot = recorded_joints_of(&robot, &recordings)?;
     let (simulated, more) = read_all(&arguments.simulated, arguments, &robot)?;
     guessed += &more;
     let diagnosis = diagnosed(&robot, &recordings, arguments)?;
@@ -80,6 +76,21 @@ pub fn diagnose(arguments: &GapDiagnoseArguments) -> Result<(), CliError> {
     print(&(guessed + &summary(&diagnosis.report, &lines, arguments.out.as_deref())))
 }
 
+/// The robot of which only the joints that are in recordings move.
+///
+/// # Errors
+/// [`CliError::Input`] if none of its joints was recorded.
+pub fn recorded_joints_of(
+    robot: &Robot,
+    recordings: &[(String, Recording)],
+) -> Result<Robot, CliError> {
+    let recorded: Vec<&str> = recordings
+        .iter()
+        .flat_map(|(_, recording)| recording.joint_names())
+        .collect();
+    robot.moving_only(&recorded).map_err(CliError::input)
+}
+
 /// Recordings with their names, and what was guessed of them.
 fn read_all(
     paths: &[PathBuf],
@@ -115,7 +126,7 @@ fn diagnosed(
 }
 
 /// Why no joint can be diagnosed, if so: what is wrong with the data of the first.
-fn nothing_to_say(report: &Report) -> Option<String> {
+pub fn nothing_to_say(report: &Report) -> Option<String> {
     let all = report
         .joints
         .iter()
@@ -126,8 +137,9 @@ fn nothing_to_say(report: &Report) -> Option<String> {
     why.or(report.data.first()).map(ToString::to_string)
 }
 
-/// `beside`: lines about the simulator.
-fn summary(report: &Report, beside: &str, out: Option<&Path>) -> String {
+/// What the command prints: a sentence, a line a joint, and what is to be known of the data. `beside`: lines about the simulator;
+/// `out`: the folder in which the report is.
+pub fn summary(report: &Report, beside: &str, out: Option<&Path>) -> String {
     let mut text = format!("{}\n", sentence(report));
     let mut rows = Table::new();
     rows.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_header([

@@ -1,15 +1,15 @@
 //! `flexspline gap`: where simulation and robot part, why, and how far that can be mended.
 
-mod apply;
+pub mod apply;
 mod beside;
 mod blind;
-mod diagnose;
-mod emulated;
-mod page;
+pub mod diagnose;
+pub mod emulated;
+pub mod page;
 mod repeats;
 mod round;
-mod suggest;
-mod watch;
+pub mod suggest;
+pub mod watch;
 
 use std::path::Path;
 

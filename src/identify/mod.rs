@@ -19,7 +19,9 @@ use identification::stiffness::StiffnessFit;
 use robot::{Robot, RobotFile, RobotJoint};
 use serde::Serialize;
 
-use crate::cli::IdentifyArguments;
+use clap::ValueEnum;
+
+use crate::cli::{IdentifyArguments, IdentifyWhat, ModeArgument, SpeedsArgument};
 use crate::error::CliError;
 use crate::output::{print, write_json, write_text};
 use execute::Rig;
@@ -89,6 +91,41 @@ pub fn identify(arguments: &IdentifyArguments) -> Result<(), CliError> {
     let path = arguments.out.join(ROBOT_FILE);
     write_robot(fits.file(), &path)?;
     report(arguments, &robot, fits.identified(path))
+}
+
+/// Identifies on the emulated robot in virtual time, or from what was recorded into the folder `out` already, and writes there.
+/// `what` is typed as for the command.
+///
+/// # Errors
+/// [`CliError::Input`] for bad input, [`CliError::Negative`] if it was stopped.
+pub fn identify_into(
+    out: &Path,
+    what: &str,
+    robot: &str,
+    joints: &[String],
+    seed: u64,
+) -> Result<(), CliError> {
+    let what = IdentifyWhat::from_str(what, false).map_err(|_| {
+        let all = IdentifyWhat::value_variants()
+            .iter()
+            .map(|what| what.name());
+        let all = all.collect::<Vec<_>>().join(", ");
+        CliError::Input(format!("`{what}` cannot be identified; there are {all}"))
+    })?;
+    identify(&IdentifyArguments {
+        what,
+        robot: robot.to_owned(),
+        out: out.to_owned(),
+        joint: joints.to_vec(),
+        speeds: SpeedsArgument::Pa10_2005,
+        plan: false,
+        mode: ModeArgument::Lockstep,
+        driver: "emulator".to_owned(),
+        instance: "default".to_owned(),
+        json: None,
+        seed,
+        quiet: true,
+    })
 }
 
 fn report(

@@ -34,7 +34,7 @@ pub fn import(arguments: &RecordingImportArguments) -> Result<(), CliError> {
         .metadata
         .insert(SOURCE.to_owned(), name.to_string_lossy().into_owned());
     match extension(&arguments.out).as_str() {
-        "mcap" => write(&table, &arguments.out, write_mcap),
+        "mcap" => write_told(&table, &arguments.out, write_mcap),
         _ => Err(CliError::Input(format!(
             "--out {}: an imported recording is an MCAP file; name it .mcap, or take `recording export`",
             arguments.out.display()
@@ -47,17 +47,8 @@ pub fn import(arguments: &RecordingImportArguments) -> Result<(), CliError> {
 /// # Errors
 /// [`CliError::Input`] if there is nothing to write, or a file cannot be read or written.
 pub fn export(arguments: &RecordingExportArguments) -> Result<(), CliError> {
-    let writer: Write = match extension(&arguments.out).as_str() {
-        "csv" => write_csv,
-        "parquet" => write_parquet,
-        "mcap" => write_mcap,
-        _ => {
-            return Err(CliError::Input(format!(
-                "--out {}: unknown format; name it .csv, .parquet or .mcap",
-                arguments.out.display()
-            )));
-        }
-    };
+    let writer =
+        writer(&arguments.out).map_err(|error| CliError::Input(format!("--out {error}")))?;
     let table = read(&arguments.file, arguments.mapping.as_deref())?;
     let (from_s, to_s) = (arguments.from, arguments.to);
     let part = table
@@ -75,13 +66,38 @@ pub fn export(arguments: &RecordingExportArguments) -> Result<(), CliError> {
             arguments.file.display()
         )));
     }
-    write(&part, &arguments.out, writer)
+    write_told(&part, &arguments.out, writer)
 }
 
-fn write(table: &Recording, out: &Path, writer: Write) -> Result<(), CliError> {
+/// Writes a recording in the format that the file's name asks for.
+///
+/// # Errors
+/// [`CliError::Input`] if it asks for none, or the file cannot be written.
+pub fn write(table: &Recording, out: &Path) -> Result<(), CliError> {
+    write_with(table, out, writer(out)?)
+}
+
+/// For a file of that name.
+fn writer(out: &Path) -> Result<Write, CliError> {
+    match extension(out).as_str() {
+        "csv" => Ok(write_csv),
+        "parquet" => Ok(write_parquet),
+        "mcap" => Ok(write_mcap),
+        _ => Err(CliError::Input(format!(
+            "{}: unknown format; name it .csv, .parquet or .mcap",
+            out.display()
+        ))),
+    }
+}
+
+fn write_with(table: &Recording, out: &Path, writer: Write) -> Result<(), CliError> {
     write_whole(out, |unfinished| {
         writer(table, unfinished).map_err(|error| cannot_write(out, error))
-    })?;
+    })
+}
+
+fn write_told(table: &Recording, out: &Path, writer: Write) -> Result<(), CliError> {
+    write_with(table, out, writer)?;
     print(&format!(
         "{}: {} rows, {} joints\n",
         out.display(),

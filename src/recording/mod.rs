@@ -7,8 +7,10 @@ mod simulate;
 
 use std::path::Path;
 
+pub use convert::write;
 use recording::{GuessJoint, ReadProblem, Recording, WriteError, read_guessing};
 use robot::Robot;
+pub use simulate::Followed;
 
 use crate::cli::RecordingCommand;
 use crate::error::CliError;

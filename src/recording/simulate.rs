@@ -27,25 +27,16 @@ const PLANT: &str = "nominal";
 pub fn simulate(arguments: &RecordingSimulateArguments) -> Result<(), CliError> {
     let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
     let table = read(&arguments.file, arguments.mapping.as_deref())?;
-    let refuse =
-        |reason: String| CliError::Input(format!("{}: {reason}", arguments.file.display()));
-    let runs: Vec<Run> = table
-        .segments()
-        .into_iter()
-        .map(|rows| Run::new(&table, rows, &robot))
-        .collect::<Result<_, _>>()
-        .map_err(refuse)?;
-    if runs.is_empty() {
-        return Err(refuse("holds no row to follow".to_owned()));
-    }
-    let twin = Twin {
+    let followed = Followed {
         robot: &robot,
-        config: config(arguments, &table, &robot),
-        every: cycles_per_row(&table, &robot),
+        robot_name: &arguments.robot,
+        table: &table,
+        file: &arguments.file,
+        seed: arguments.seed,
     };
     let mut rows = 0;
     write_whole(&arguments.out, |unfinished| {
-        rows = twin.record(runs, unfinished, &arguments.out)?;
+        rows = followed.record(unfinished, &arguments.out, &|| true)?;
         Ok(())
     })?;
     print(&format!(
@@ -55,38 +46,93 @@ pub fn simulate(arguments: &RecordingSimulateArguments) -> Result<(), CliError> 
     ))
 }
 
+/// A recording whose reference the nominal model follows.
+#[derive(Clone, Copy, Debug)]
+pub struct Followed<'a> {
+    /// Whose model it is.
+    pub robot: &'a Robot,
+    /// As the new recording names it.
+    pub robot_name: &'a str,
+    /// With a reference of every joint.
+    pub table: &'a Recording,
+    /// What errors call the recording.
+    pub file: &'a Path,
+    /// Of the sensors' noise.
+    pub seed: u64,
+}
+
+impl Followed<'_> {
+    /// The model's recording, in memory. It is given up once it is not wanted any more.
+    ///
+    /// # Errors
+    /// [`CliError::Input`] if there is no reference to follow, [`CliError::Negative`] if the twin stops for safety.
+    pub fn simulated(&self, is_wanted: &dyn Fn() -> bool) -> Result<Recording, CliError> {
+        let folder = tempfile::tempdir().map_err(CliError::input)?;
+        let path = folder.path().join("simulated.mcap");
+        self.record(&path, &path, is_wanted)?;
+        read(&path, None)
+    }
+
+    /// Writes it and counts its rows; `out` is what errors call it.
+    fn record(
+        &self,
+        path: &Path,
+        out: &Path,
+        is_wanted: &dyn Fn() -> bool,
+    ) -> Result<u64, CliError> {
+        let refuse = |reason: String| CliError::Input(format!("{}: {reason}", self.file.display()));
+        let runs: Vec<Run> = self
+            .table
+            .segments()
+            .into_iter()
+            .map(|rows| Run::new(self.table, rows, self.robot))
+            .collect::<Result<_, _>>()
+            .map_err(refuse)?;
+        if runs.is_empty() {
+            return Err(refuse("holds no row to follow".to_owned()));
+        }
+        let twin = Twin {
+            robot: self.robot,
+            config: self.config(),
+            every: cycles_per_row(self.table, self.robot),
+            is_wanted,
+        };
+        twin.record(runs, path, out)
+    }
+
+    fn config(&self) -> RunConfig {
+        let (control, options) = recorded_control(&self.table.metadata);
+        let rate_hz = self.table.sample_rate_hz * cycles_per_row(self.table, self.robot) as f64;
+        let period_ns = (1e9 / rate_hz).round() as u64;
+        RunConfig {
+            session: 1,
+            robot: self.robot_name.to_owned(),
+            driver: "emulator".to_owned(),
+            trajectory: self.file.display().to_string(),
+            plant: None,
+            control,
+            options,
+            estimators: Vec::new(),
+            mode: Mode::Lockstep,
+            period_ns,
+            cycles: 0,
+            wait: Wait::Block,
+            wake_early_ns: 0,
+            seed: self.seed,
+            inject: None,
+            record: None,
+            command_deadline_ns: period_ns,
+            cores: Vec::new(),
+            initial_position_rad: Vec::new(),
+        }
+    }
+}
+
 /// The loop runs at the multiple of the recording's rate that is nearest to the robot's own.
 fn cycles_per_row(table: &Recording, robot: &Robot) -> u64 {
     let own_hz = robot.control.as_ref().map(|control| control.rate_hz);
     let multiple = own_hz.map_or(1.0, |own_hz| own_hz / table.sample_rate_hz);
     (multiple.round() as u64).max(1)
-}
-
-fn config(arguments: &RecordingSimulateArguments, table: &Recording, robot: &Robot) -> RunConfig {
-    let (control, options) = recorded_control(&table.metadata);
-    let rate_hz = table.sample_rate_hz * cycles_per_row(table, robot) as f64;
-    let period_ns = (1e9 / rate_hz).round() as u64;
-    RunConfig {
-        session: 1,
-        robot: arguments.robot.clone(),
-        driver: "emulator".to_owned(),
-        trajectory: arguments.file.display().to_string(),
-        plant: None,
-        control,
-        options,
-        estimators: Vec::new(),
-        mode: Mode::Lockstep,
-        period_ns,
-        cycles: 0,
-        wait: Wait::Block,
-        wake_early_ns: 0,
-        seed: arguments.seed,
-        inject: None,
-        record: None,
-        command_deadline_ns: period_ns,
-        cores: Vec::new(),
-        initial_position_rad: Vec::new(),
-    }
 }
 
 /// One trajectory of the recording.
@@ -180,6 +226,7 @@ struct Twin<'a> {
     config: RunConfig,
     /// Cycles of the loop per row of the recording.
     every: u64,
+    is_wanted: &'a dyn Fn() -> bool,
 }
 
 impl Twin<'_> {
@@ -246,7 +293,7 @@ impl Twin<'_> {
                 truth: Some(&truth),
             });
             *rows += 1;
-            written.is_ok() && cycle < last_cycle
+            written.is_ok() && cycle < last_cycle && (self.is_wanted)()
         })
         .map_err(|error| match error {
             stop @ TwinError::SafeStop { .. } => CliError::Negative(stop.to_string()),

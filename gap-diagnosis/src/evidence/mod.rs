@@ -477,6 +477,7 @@ impl Evidence {
 
     /// One set's score.
     pub fn scored(&self, names: Names) -> Scored {
+        crate::stop::look();
         let by_part = self.left(names);
         let mut score = -self.cost(names) - 0.5 * self.strain(names);
         let mut left = [0.0; PARTS];

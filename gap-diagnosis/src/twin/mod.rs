@@ -339,6 +339,7 @@ impl<'a> JointTwin<'a> {
         let Bench { trace, room } = &mut bench;
         let mut all = Vec::with_capacity(self.rows.len());
         for (place, piece) in self.pieces.iter().enumerate() {
+            crate::stop::look();
             self.run(place, asked, &piece.tracking, trace);
             let (band, load) = match piece.thinned_for(asked.substeps) {
                 Some(thinned) => (thinned.band, &thinned.load),

@@ -69,7 +69,8 @@ pub fn apply(
         )));
     }
     let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
-    check_name(arguments, report, &robot.name)?;
+    let report_name = arguments.report.display().to_string();
+    check_name([&report_name, &arguments.robot], report, &robot.name)?;
     let names: Vec<&str> = report
         .joints
         .iter()
@@ -90,7 +91,7 @@ pub fn apply(
         |reason: String| CliError::Input(format!("{}: {reason}", arguments.report.display()));
     let effects = add_all(&mut file, report, &|name| robot.joint_index(name)).map_err(refuse)?;
     if effects.is_empty() {
-        return Err(names_nothing(arguments));
+        return Err(names_nothing(&report_name));
     }
     let joints = shares(report, &effects);
     if effects.iter().all(|said| said.done.is_none()) {

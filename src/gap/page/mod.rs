@@ -39,6 +39,18 @@ pub fn page(robot: &Robot, diagnosis: &Diagnosis, beside: Option<&Beside>) -> Pa
     first.chain(sections).fold(page, Page::section)
 }
 
+/// What somebody who tries things out looks at first: the robot, the shares, what remains.
+pub fn short_page(robot: &Robot, report: &Report) -> Page {
+    let title = format!("Sim-to-real gap of {}", report.robot);
+    let page = Page::new(title, sentence(report));
+    let sections = [
+        arm(robot, report),
+        effects::section(report),
+        remains::section(report),
+    ];
+    sections.into_iter().fold(page, Page::section)
+}
+
 /// Rms of the gap over that of the noise, as the torque shows it.
 fn gap_to_noise(joint: &JointReport) -> Option<f64> {
     let torque = &joint.gap.torque_rms_nm;

@@ -12,7 +12,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use comfy_table::{Table, presets};
-use gap_diagnosis::report::Regime;
+use gap_diagnosis::report::{Regime, Report};
 use gap_diagnosis::separate::{Pair, Separation, separations};
 use indicatif::{ProgressBar, ProgressStyle};
 use motion::{JointEntry, SampledReference, Trajectory, TrajectoryFile, WaypointsEntry};
@@ -27,7 +27,7 @@ use crate::error::CliError;
 use crate::output::{print, write_json, write_text};
 use advice::advice;
 use menu::{Experiment, STEP_S, Seat};
-use questions::{Question, questions};
+use questions::{Question, of_report, questions};
 use room::room;
 
 /// Two effects nearer than this cannot be told apart.
@@ -90,51 +90,140 @@ pub fn suggest(arguments: &GapSuggestArguments) -> Result<(), CliError> {
     }
     let robot = robot::load(&arguments.robot).map_err(CliError::input)?;
     let questions = questions(arguments, &robot)?;
-    let seats = seats(&robot, &questions)?;
-    let tried = try_all(arguments, &robot, &questions, &seats)?;
-    let told = |k: usize| tried.iter().map(move |one| one.separations[k].distance);
-    let separable: Vec<usize> = (0..questions.len())
-        .filter(|k| told(*k).any(|distance| distance >= DISTANCE_MIN))
-        .collect();
-    let smallest = |one: &&Tried| {
-        let distances = separable.iter().map(|k| one.separations[*k].distance);
-        distances.fold(f64::INFINITY, f64::min)
-    };
-    let best = tried
-        .iter()
-        .max_by(|a, b| smallest(a).total_cmp(&smallest(b)))
-        .filter(|_| !separable.is_empty());
-    let pairs: Vec<ToldPair> = questions
-        .iter()
-        .enumerate()
-        .map(|(k, question)| {
-            let written = best.map(|one| one.separations[k].distance);
-            let expected = written.filter(|_| separable.contains(&k));
-            ToldPair {
-                joint: robot.joints[question.joint].name.clone(),
-                effects: question.effects.clone(),
-                distance_now: question.distance_now,
-                distance_expected: expected.unwrap_or_else(|| told(k).fold(0.0, f64::max)),
-                advice: (!separable.contains(&k)).then(|| advice(&question.effects)),
-            }
-        })
-        .collect();
-    if let Some(best) = best {
-        let file = trajectory_file(&robot, &seats, &best.reference)?;
+    let bar = progress_bar();
+    let weighed = weighed(
+        &robot,
+        &questions,
+        arguments.duration.as_secs_f64(),
+        &mut |done, _| {
+            bar.set_position(done as u64);
+        },
+    );
+    bar.finish_and_clear();
+    let weighed = weighed?;
+    if let Some(best) = weighed.best() {
+        let file = trajectory_file(&robot, &weighed.seats, &best.reference)?;
         write_text(&arguments.out, &file)?;
     }
-    tell(arguments, &pairs, &tried, best)?;
-    match best {
+    tell(arguments, &weighed)?;
+    match weighed.best() {
         Some(_) => Ok(()),
         None => Err(CliError::Negative(format!(
             "no motion on the menu tells them apart, so {} was not written; {}",
             arguments.out.display(),
-            pairs
-                .first()
-                .and_then(|pair| pair.advice)
-                .unwrap_or_default()
+            weighed.first_advice()
         ))),
     }
+}
+
+/// A suggested experiment.
+#[derive(Clone, Debug)]
+pub struct Suggested {
+    /// The trajectory file.
+    pub trajectory: String,
+    /// The choice as the command writes it with `--json`.
+    pub json: String,
+}
+
+/// The experiment that would best tell apart what a report could not; `each` hears how many of the menu's experiments were tried, and of
+/// how many.
+///
+/// # Errors
+/// [`CliError::Input`] if the report does not fit the robot, [`CliError::Negative`] if nothing is confused or no motion helps.
+pub fn suggested(
+    robot: &Robot,
+    report: &Report,
+    duration_s: f64,
+    each: &mut dyn FnMut(usize, usize),
+) -> Result<Suggested, CliError> {
+    let questions = of_report(report, "report", robot)?;
+    let weighed = weighed(robot, &questions, duration_s, each)?;
+    let best = weighed.best().ok_or_else(|| {
+        CliError::Negative(format!(
+            "no motion on the menu tells them apart; {}",
+            weighed.first_advice()
+        ))
+    })?;
+    let suggestion = weighed.suggestion(None);
+    Ok(Suggested {
+        trajectory: trajectory_file(robot, &weighed.seats, &best.reference)?,
+        json: serde_json::to_string(&suggestion).map_err(CliError::input)?,
+    })
+}
+
+/// What the menu came to.
+struct Weighed {
+    seats: Vec<Seat>,
+    tried: Vec<Tried>,
+    pairs: Vec<ToldPair>,
+    best: Option<usize>,
+}
+
+impl Weighed {
+    fn best(&self) -> Option<&Tried> {
+        Some(&self.tried[self.best?])
+    }
+
+    fn first_advice(&self) -> &'static str {
+        let first = self.pairs.first();
+        first.and_then(|pair| pair.advice).unwrap_or_default()
+    }
+
+    /// `trajectory`: where it was written.
+    fn suggestion<'a>(&self, trajectory: Option<&'a Path>) -> Suggestion<'a> {
+        let menu = self.tried.iter().map(|one| ToldExperiment {
+            experiment: one.experiment.name(),
+            distances: one.separations.iter().map(|s| s.distance).collect(),
+        });
+        let best = self.best();
+        Suggestion {
+            schema: 1,
+            trajectory: trajectory.filter(|_| best.is_some()),
+            experiment: best.map(|best| best.experiment.name()),
+            pairs: self.pairs.clone(),
+            menu: menu.collect(),
+        }
+    }
+}
+
+/// Tries the menu and chooses.
+fn weighed(
+    robot: &Robot,
+    questions: &[Question],
+    duration_s: f64,
+    each: &mut dyn FnMut(usize, usize),
+) -> Result<Weighed, CliError> {
+    let seats = seats(robot, questions)?;
+    let tried = try_all(robot, questions, &seats, duration_s, each)?;
+    let told = |k: usize| tried.iter().map(move |one| one.separations[k].distance);
+    let separable: Vec<usize> = (0..questions.len())
+        .filter(|k| told(*k).any(|distance| distance >= DISTANCE_MIN))
+        .collect();
+    let smallest = |one: &Tried| {
+        let distances = separable.iter().map(|k| one.separations[*k].distance);
+        distances.fold(f64::INFINITY, f64::min)
+    };
+    let best = (0..tried.len())
+        .max_by(|a, b| smallest(&tried[*a]).total_cmp(&smallest(&tried[*b])))
+        .filter(|_| !separable.is_empty());
+    let pairs = questions.iter().enumerate().map(|(k, question)| {
+        let written = best.map(|one| tried[one].separations[k].distance);
+        let expected = written.filter(|_| separable.contains(&k));
+        ToldPair {
+            joint: robot.joints[question.joint].name.clone(),
+            effects: question.effects.clone(),
+            distance_now: question.distance_now,
+            distance_expected: expected.unwrap_or_else(|| told(k).fold(0.0, f64::max)),
+            advice: (!separable.contains(&k)).then(|| advice(&question.effects)),
+        }
+    });
+    let pairs = pairs.collect();
+    Ok(Weighed {
+        seats,
+        pairs,
+        best,
+        tried,
+    })
 }
 
 /// The joints asked about move, the others hold.
@@ -149,20 +238,25 @@ fn seats(robot: &Robot, questions: &[Question]) -> Result<Vec<Seat>, CliError> {
     (0..robot.joints.len()).map(seat).collect()
 }
 
-fn try_all(
-    arguments: &GapSuggestArguments,
-    robot: &Robot,
-    questions: &[Question],
-    seats: &[Seat],
-) -> Result<Vec<Tried>, CliError> {
+/// In experiments.
+fn progress_bar() -> ProgressBar {
     let bar = ProgressBar::new(Experiment::ALL.len() as u64);
     let template = "{bar:32} {pos} of {len} experiments, {eta} left";
     let style = ProgressStyle::with_template(template);
     bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-    let duration_s = arguments.duration.as_secs_f64();
+    bar
+}
+
+fn try_all(
+    robot: &Robot,
+    questions: &[Question],
+    seats: &[Seat],
+    duration_s: f64,
+    each: &mut dyn FnMut(usize, usize),
+) -> Result<Vec<Tried>, CliError> {
     let pairs: Vec<Pair> = questions.iter().flat_map(Question::pairs).collect();
     let mut tried = Vec::new();
-    for experiment in Experiment::ALL {
+    for (done, experiment) in Experiment::ALL.into_iter().enumerate() {
         if let Some((reference, recording)) = rehearsed(robot, experiment, seats, duration_s)? {
             let found = separations(robot, &recording, &pairs).map_err(CliError::input)?;
             tried.push(Tried {
@@ -171,9 +265,8 @@ fn try_all(
                 separations: of_questions(questions, found),
             });
         }
-        bar.inc(1);
+        each(done + 1, Experiment::ALL.len());
     }
-    bar.finish_and_clear();
     if tried.is_empty() {
         return Err(CliError::Negative(
             "the robot file's controller follows none of the experiments within the limits; check its gains and torque_limit_nm"
@@ -271,26 +364,11 @@ fn rounded(positions_rad: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-fn tell(
-    arguments: &GapSuggestArguments,
-    pairs: &[ToldPair],
-    tried: &[Tried],
-    best: Option<&Tried>,
-) -> Result<(), CliError> {
+fn tell(arguments: &GapSuggestArguments, weighed: &Weighed) -> Result<(), CliError> {
     if let Some(path) = &arguments.json {
-        let menu = tried.iter().map(|one| ToldExperiment {
-            experiment: one.experiment.name(),
-            distances: one.separations.iter().map(|s| s.distance).collect(),
-        });
-        let suggestion = Suggestion {
-            schema: 1,
-            trajectory: best.map(|_| arguments.out.as_path()),
-            experiment: best.map(|best| best.experiment.name()),
-            pairs: pairs.to_vec(),
-            menu: menu.collect(),
-        };
-        write_json(&suggestion, path)?;
+        write_json(&weighed.suggestion(Some(&arguments.out)), path)?;
     }
+    let (pairs, tried, best) = (&weighed.pairs, &weighed.tried, weighed.best());
     if arguments.json.as_deref() == Some(Path::new("-")) {
         return Ok(());
     }

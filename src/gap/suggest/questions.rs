@@ -42,7 +42,7 @@ pub fn questions(
     robot: &Robot,
 ) -> Result<Vec<Question>, CliError> {
     match (&arguments.report, &arguments.effects) {
-        (Some(path), _) => of_report(path, robot),
+        (Some(path), _) => of_report(&read_report(path)?, &path.display().to_string(), robot),
         (None, Some(path)) => of_file(path, robot),
         (None, None) => Err(CliError::Input(
             "neither --report nor --effects: nothing says what is to be told apart".to_owned(),
@@ -50,9 +50,12 @@ pub fn questions(
     }
 }
 
-fn of_report(path: &Path, robot: &Robot) -> Result<Vec<Question>, CliError> {
-    let report = read_report(path)?;
-    let refuse = |reason: String| CliError::Input(format!("{}: {reason}", path.display()));
+/// Of a report's confusable pairs; `name` is what errors call it.
+///
+/// # Errors
+/// [`CliError::Input`] if it does not fit the robot, [`CliError::Negative`] if nothing is confused.
+pub fn of_report(report: &Report, name: &str, robot: &Robot) -> Result<Vec<Question>, CliError> {
+    let refuse = |reason: String| CliError::Input(format!("{name}: {reason}"));
     let mut found = Vec::new();
     // names that could take the place of what would take a told one's place
     let mut of_no_size = None;
@@ -65,8 +68,8 @@ fn of_report(path: &Path, robot: &Robot) -> Result<Vec<Question>, CliError> {
         })?;
         for pair in &joint.confusable {
             let sizes = [
-                size(&report, joint, &pair.effects[0]).map_err(refuse)?,
-                size(&report, joint, &pair.effects[1]).map_err(refuse)?,
+                size(report, joint, &pair.effects[0]).map_err(refuse)?,
+                size(report, joint, &pair.effects[1]).map_err(refuse)?,
             ];
             if sizes.iter().all(Option::is_none) {
                 let [one, other] = &pair.effects;
@@ -91,8 +94,7 @@ fn of_report(path: &Path, robot: &Robot) -> Result<Vec<Question>, CliError> {
     }
     if found.is_empty() {
         return Err(CliError::Negative(format!(
-            "{}: no two effects are confused, so there is nothing to tell apart",
-            path.display()
+            "{name}: no two effects are confused, so there is nothing to tell apart"
         )));
     }
     Ok(found)

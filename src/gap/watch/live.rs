@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use realtime::clock::monotonic_ns;
 use realtime::process::user_id;
+use robot::Robot;
 use services::relay::{Assembler, CycleMessages};
 use shm_types::bus::{Bus, BusError, Reader};
 use shm_types::instance::{Instance, RunConfig};
@@ -63,8 +64,8 @@ fn watch_all(
     Ok(())
 }
 
-/// What an observer hears, cycle by cycle.
-struct Feed {
+/// What an observer hears through the relay of a running instance, cycle by cycle.
+pub struct Feed {
     instance: Instance,
     session: u64,
     joint_count: usize,
@@ -76,6 +77,18 @@ struct Feed {
 }
 
 impl Feed {
+    /// Attaches to the running instance of that name; also what it runs, and its robot.
+    ///
+    /// # Errors
+    /// [`CliError::Input`] if none runs, or the relay has readers enough.
+    pub fn attach(name: &str) -> Result<(Self, RunConfig, Robot), CliError> {
+        let instance = Instance::new(name, user_id()).map_err(CliError::input)?;
+        let run = running(&instance)?;
+        let robot = robot::load(&run.robot).map_err(CliError::input)?;
+        let feed = Self::join(instance, &run, robot.joints.len())?;
+        Ok((feed, run, robot))
+    }
+
     fn join(instance: Instance, run: &RunConfig, joint_count: usize) -> Result<Self, CliError> {
         let bus = Bus::join(&instance).map_err(CliError::input)?;
         let full = |error: BusError| {
@@ -97,7 +110,7 @@ impl Feed {
     }
 
     /// Hands on every cycle that is whole; `false` once the run has ended or nobody listens.
-    fn drain(&mut self, mut each: impl FnMut(CycleMessages) -> bool) -> bool {
+    pub fn drain(&mut self, mut each: impl FnMut(CycleMessages) -> bool) -> bool {
         while let Some(status) = self.statuses.take() {
             if status.header.check(self.session, self.joint_count).is_ok() {
                 self.assembler.add_status(status);

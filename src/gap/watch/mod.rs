@@ -2,6 +2,8 @@
 
 mod live;
 
+pub use live::Feed;
+
 use std::fmt::Write;
 use std::path::Path;
 
@@ -145,12 +147,16 @@ fn along_recording(
 }
 
 /// A recording's columns in the robot's order.
-struct Rows<'a> {
+pub struct Rows<'a> {
     joints: Vec<Vec<(Signal, &'a [f64])>>,
 }
 
 impl<'a> Rows<'a> {
-    fn of(recording: &'a Recording, robot: &Robot) -> Result<Self, CliError> {
+    /// Of a recording of every joint of the robot.
+    ///
+    /// # Errors
+    /// [`CliError::Input`] if it lacks one.
+    pub fn of(recording: &'a Recording, robot: &Robot) -> Result<Self, CliError> {
         let columns = robot.joints.iter().map(|joint| {
             let columns = recording.joint(&joint.name).map_err(CliError::input)?;
             let signals = columns.signals.iter();
@@ -163,7 +169,8 @@ impl<'a> Rows<'a> {
         })
     }
 
-    fn read(&self, index: usize, row: &mut Vec<JointCycle>) {
+    /// One row, joint by joint.
+    pub fn read(&self, index: usize, row: &mut Vec<JointCycle>) {
         row.clear();
         row.extend(self.joints.iter().map(|columns| {
             let mut cell = JointCycle::default();

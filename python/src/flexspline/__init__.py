@@ -1,0 +1,30 @@
+"""Where simulation and robot part, which physical effect causes it, and how far the gap shrinks once it is added.
+
+    import flexspline as fx
+    robot = fx.Robot("arm.urdf")
+    report = fx.diagnose(robot, "run.mcap")
+    report.apply().to_mjcf("mended.xml")
+"""
+
+from ._diagnose import diagnose
+from ._errors import FlexsplineError, FormatWarning, InputError, NegativeError
+from ._native import __version__
+from ._recording import Recording
+from ._report import Effect, JointReport, Parameter, Remains, Report
+from ._robot import Robot
+
+__all__ = [
+    "Effect",
+    "FlexsplineError",
+    "FormatWarning",
+    "InputError",
+    "JointReport",
+    "NegativeError",
+    "Parameter",
+    "Recording",
+    "Remains",
+    "Report",
+    "Robot",
+    "__version__",
+    "diagnose",
+]
