@@ -19,7 +19,6 @@ from urllib.parse import quote
 
 import fsspec
 import pyarrow as pa
-import pyarrow.dataset
 import pyarrow.parquet
 from fsspec.implementations.local import LocalFileSystem
 
@@ -104,6 +103,8 @@ class Dataset:
         self.fs.invalidate_cache()
         if not self.results():
             raise ValueError(f"{self.url}: no results, neither diagnosed nor in {folder}; run fleet.diagnose first")
+        # a worker reads nothing
+
         partitioning = pa.dataset.partitioning(pa.schema([("robot", pa.string())]), flavor="hive")
         return pa.dataset.dataset(
             folder,

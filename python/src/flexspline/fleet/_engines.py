@@ -7,6 +7,8 @@ is bounded, so that a million recordings are no million objects of the engine's.
 from __future__ import annotations
 
 import os
+import threading
+import time
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from typing import Any, Callable, Protocol, TypeVar
@@ -15,6 +17,8 @@ J = TypeVar("J")
 
 #: Jobs handed over for each worker: one runs, the next are there when it has ended.
 AHEAD = 3
+#: How long a process of this machine may outlive a caller that was killed.
+ORPHAN_S = 1.0
 
 
 class Crashed(Exception):
@@ -97,7 +101,7 @@ class Local:
 
     def submit(self, job: Any) -> Any:
         if self._pool is None:
-            self._pool = self._loky.ProcessPoolExecutor(self.workers)
+            self._pool = self._loky.ProcessPoolExecutor(self.workers, initializer=_end_with, initargs=(os.getpid(),))
         try:
             return self._pool.submit(self._work, job)
         except self._loky.BrokenProcessPool:
@@ -119,6 +123,17 @@ class Local:
         if self._pool is not None:
             self._pool.shutdown(kill_workers=True)
             self._pool = None
+
+
+def _end_with(caller: int) -> None:
+    """Ends this process when its caller is gone: loky's would wait for ever for work that nobody hands over."""
+
+    def watch() -> None:
+        while os.getppid() == caller:
+            time.sleep(ORPHAN_S)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _called(work: Callable, job: Any) -> Any:

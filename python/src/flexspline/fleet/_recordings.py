@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 from typing import Any, Union
 
 import fsspec
-import flexspline
 from fsspec.implementations.local import LocalFileSystem
+
+import flexspline
 
 from . import _dataset as dataset
 
