@@ -53,10 +53,11 @@ pub mod library {
     pub use crate::error::CliError;
     pub use crate::gap::apply::{Change, Mended, RobotText, mended, save};
     pub use crate::gap::diagnose::{nothing_to_say, recorded_joints_of, summary};
-    pub use crate::gap::page::words::{sentence, verdict_in_words};
+    pub use crate::gap::emulated::{Course, Emulated};
+    pub use crate::gap::page::words::{sentence, words};
     pub use crate::gap::page::{page, short_page};
     pub use crate::gap::suggest::{Suggested, suggested};
-    pub use crate::gap::watch::{Feed, Rows};
+    pub use crate::gap::watch::Feed;
     pub use crate::identify::identify_into;
     pub use crate::recording::{Followed, read, read_of, write};
 }

@@ -119,3 +119,9 @@ pub fn mended(robot: &Robot, report: &str, remaining: bool) -> PyResult<Mended> 
     let robot = Robot::of(mended.text, robot.source.clone(), robot.given.clone())?;
     Ok((robot, changes.collect(), mended.left_out))
 }
+
+/// An effect as people read it.
+#[pyfunction]
+pub fn words(effect: &str) -> String {
+    library::words(effect)
+}

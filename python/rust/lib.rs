@@ -5,6 +5,8 @@
 
 mod diagnosis;
 mod errors;
+mod experiments;
+mod live;
 mod recording;
 mod robot;
 mod work;
@@ -24,5 +26,13 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<diagnosis::Diagnosis>()?;
     module.add_function(wrap_pyfunction!(diagnosis::diagnose, module)?)?;
     module.add_function(wrap_pyfunction!(diagnosis::mended, module)?)?;
+    module.add_function(wrap_pyfunction!(diagnosis::words, module)?)?;
+    module.add_class::<live::Attachment>()?;
+    module.add_class::<live::Watch>()?;
+    module.add_function(wrap_pyfunction!(experiments::simulate_recording, module)?)?;
+    module.add_function(wrap_pyfunction!(experiments::simulate_trajectory, module)?)?;
+    module.add_function(wrap_pyfunction!(experiments::suggest, module)?)?;
+    module.add_function(wrap_pyfunction!(experiments::identify, module)?)?;
+    module.add_function(wrap_pyfunction!(experiments::inverse_dynamics, module)?)?;
     Ok(())
 }

@@ -18,6 +18,7 @@ const LOOK: Duration = Duration::from_millis(50);
 /// What work knows of who waits for it.
 pub struct Waiting {
     steps: Sender<(usize, usize)>,
+    flag: Arc<AtomicBool>,
 }
 
 impl Waiting {
@@ -25,6 +26,12 @@ impl Waiting {
     pub fn tell(&self, done: usize, of: usize) {
         // nobody listens any more where the work was given up
         let _ = self.steps.send((done, of));
+    }
+
+    /// Whether somebody still waits: work that does not look by itself asks this.
+    pub fn is_there(&self) -> bool {
+        // nothing else is handed over with it
+        !self.flag.load(Ordering::Relaxed)
     }
 }
 
@@ -48,7 +55,10 @@ pub fn detached<R: Send>(
     let (steps, sent) = channel();
     py.detach(move || {
         std::thread::scope(|scope| {
-            let waiting = Waiting { steps };
+            let waiting = Waiting {
+                steps,
+                flag: flag.clone(),
+            };
             // what waits ends with the work, and so does the wait for steps
             let worker = scope.spawn({
                 let flag = flag.clone();

@@ -8,6 +8,7 @@ import pytest
 import flexspline as fx
 
 DATA = Path(__file__).parent / "data"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 COULOMB_NM = {"shoulder": 3.0, "elbow": 1.0}
 VISCOUS_NM_S_RAD = {"shoulder": 1.5, "elbow": 0.4}
 

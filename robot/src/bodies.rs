@@ -1,6 +1,6 @@
 //! Effects on the rigid bodies, put into the chain: payload, added link inertia, tilt of the base.
 
-use joint_model::rigid_body::{Chain, ChainError, JointKind, Link};
+use joint_model::rigid_body::{Chain, ChainError, JointKind, Link, is_inertia_of_a_body};
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
 
 use crate::{Effect, Robot};
@@ -47,11 +47,23 @@ pub fn changed_chain<'a>(
     Chain::new(&links, gravity_m_s2, tool)
 }
 
-/// Adds inertia about the joint's axis as a massless thin ring around it, the one body that adds least elsewhere.
+/// Adds inertia about the joint's axis as a massless thin ring around it, the one body that adds least elsewhere. A slender link has no
+/// ring to take away: its mass is drawn to the axis instead.
 fn add_ring(link: &mut Link, inertia_kg_m2: f64) {
     let axis = link.axis.into_inner();
     let along = axis * axis.transpose();
-    link.inertia_kg_m2 += inertia_kg_m2 * (along + 0.5 * (Matrix3::identity() - along));
+    let across = Matrix3::identity() - along;
+    let ringed = link.inertia_kg_m2 + inertia_kg_m2 * (along + 0.5 * across);
+    let drawn = 1.0 + inertia_kg_m2 / axis.dot(&(link.inertia_kg_m2 * axis));
+    let can_be_drawn = !is_inertia_of_a_body(&ringed) && drawn > 0.0;
+    link.inertia_kg_m2 = if can_be_drawn {
+        let draw = drawn.sqrt() * across + along;
+        let spread = 0.5 * link.inertia_kg_m2.trace() * Matrix3::identity() - link.inertia_kg_m2;
+        let spread = draw * spread * draw;
+        spread.trace() * Matrix3::identity() - spread
+    } else {
+        ringed
+    };
 }
 
 impl Robot {
@@ -122,5 +134,22 @@ mod tests {
         };
         let added = inertia(&robot.loaded_chain().unwrap()) - inertia(&robot.chain);
         assert!((added - 0.2).abs() < 1e-12, "{added}");
+    }
+
+    #[test]
+    fn less_inertia_than_a_slender_link_has_around_it_draws_it_to_the_axis() {
+        let mut link = crate::load("shd17").unwrap().chain.links()[0].clone();
+        link.inertia_kg_m2 = Matrix3::from_diagonal(&Vector3::new(0.02, 0.02, 0.001));
+        let axis = link.axis.into_inner();
+        for change in [-0.005, -0.019] {
+            let mut lighter = link.clone();
+            add_ring(&mut lighter, change);
+            assert!(is_inertia_of_a_body(&lighter.inertia_kg_m2), "{change}");
+            let about_axis = axis.dot(&(lighter.inertia_kg_m2 * axis));
+            assert!((about_axis - 0.02 - change).abs() < 1e-12, "{about_axis}");
+        }
+        // nobody has less than nothing
+        add_ring(&mut link, -0.03);
+        assert!(!is_inertia_of_a_body(&link.inertia_kg_m2));
     }
 }

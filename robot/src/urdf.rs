@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use joint_model::rigid_body::JointKind;
+use joint_model::rigid_body::{JointKind, is_inertia_of_a_body, nearest_inertia_of_a_body};
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 
 use crate::error::RobotError;
@@ -329,8 +329,16 @@ fn mass_properties(link: &Element, notes: &mut Vec<String>) -> Result<MassProper
     }
     if mass_kg == 0.0 && inertia_kg_m2 != Matrix3::zeros() {
         notes.push(link.note("inertia without mass, which no body has"));
-    } else if !joint_model::rigid_body::is_inertia_of_a_body(&inertia_kg_m2) {
-        notes.push(link.note("doubtful: no body has this inertia"));
+    } else if !is_inertia_of_a_body(&inertia_kg_m2) {
+        // published descriptions have such inertias, and other tools read them
+        let nearest_kg_m2 = nearest_inertia_of_a_body(&inertia_kg_m2);
+        let change = (nearest_kg_m2 - inertia_kg_m2).norm() / inertia_kg_m2.norm();
+        notes.push(link.note(&format!(
+            "doubtful: no body has this inertia (each principal moment must be at least zero and at most the sum of the other two); \
+             the nearest that a body can have is taken, {:.1} % away",
+            100.0 * change
+        )));
+        inertia_kg_m2 = nearest_kg_m2;
     }
     let about_itself = MassProperties {
         mass_kg,

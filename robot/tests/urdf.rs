@@ -5,6 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use joint_model::rigid_body::JointKind;
+use nalgebra::Vector3;
 use robot::{Effect, Robot, RobotError, load, load_text};
 
 const ARM: &str = r#"<robot name="arm">
@@ -54,6 +55,26 @@ fn refused(part: &str, replacement: &str, words: &str) {
         message.contains(words) && message.contains("arm.urdf") && !message.contains('\n'),
         "{message}"
     );
+}
+
+#[test]
+fn the_nearest_inertia_is_taken_of_a_link_that_no_body_can_be() {
+    let own = r#"<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>"#;
+    let with = |izz: &str| {
+        let flat = own.replace("izz=\"0.01\"", &format!("izz=\"{izz}\""));
+        let robot = read(&ARM.replace(own, &flat)).unwrap();
+        let inertia_kg_m2 = robot.chain.links()[1].inertia_kg_m2;
+        (robot.notes, inertia_kg_m2.diagonal())
+    };
+    // the second moments are izz/2, izz/2 and 0.01 - izz/2: at 0.026 the last is -0.003, and becomes none
+    let (notes, moments) = with("0.026");
+    assert!(
+        notes[0].contains("doubtful: no body has this inertia"),
+        "{notes:?}"
+    );
+    let nearest = Vector3::new(0.013, 0.013, 0.026);
+    assert!((moments - nearest).norm() < 1e-12, "{moments}");
+    assert_eq!(with("0.02").0, Vec::<String>::new());
 }
 
 #[test]

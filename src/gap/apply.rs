@@ -72,10 +72,9 @@ pub fn apply(arguments: &GapApplyArguments) -> Result<(), CliError> {
 /// Writes a robot file that came from there; what it names is then named from where it is.
 ///
 /// # Errors
-/// [`CliError::Input`] if nobody can have such a robot, or it cannot be written.
+/// [`CliError::Input`] if it cannot be written.
 pub fn save(text: &str, source: &Source, out: &Path) -> Result<(), CliError> {
     let text = with_description(text.to_owned(), source, out)?;
-    check(&text, out)?;
     write_text(out, &text)
 }
 
@@ -132,6 +131,7 @@ pub fn mended(
     if mended.changes.is_empty() {
         return Err(names_nothing(report_name));
     }
+    check(&mended.text, robot)?;
     Ok(mended)
 }
 
@@ -228,10 +228,10 @@ fn put_payloads_on_last_link(report: &mut Report, robot: &Robot) {
     }
 }
 
-/// What is written must be what every other command takes.
-fn check(text: &str, path: &Path) -> Result<(), CliError> {
-    RobotFile::parse(text, &path.display().to_string())
-        .and_then(|file| file.build(Source::File(path.to_owned())))
+/// What comes of it must be what every other command takes.
+fn check(text: &str, robot: &RobotText<'_>) -> Result<(), CliError> {
+    RobotFile::parse(text, robot.name)
+        .and_then(|file| file.build(robot.source.clone()))
         .map(|_| ())
         .map_err(|error| {
             CliError::Input(format!(

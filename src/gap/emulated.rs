@@ -16,13 +16,17 @@ use crate::run::PERIOD_NS;
 pub struct Emulated {
     /// As a recording has it: what only an emulator could know is left out.
     pub recording: Recording,
+    /// How well the reference was followed.
     pub tracking: TrackingReport,
 }
 
 /// A trajectory for so long, with a seed of everything random.
 pub struct Course {
+    /// What is followed.
     pub trajectory: Trajectory,
+    /// For so long.
     pub duration_s: f64,
+    /// Of the sensors' noise.
     pub seed: u64,
 }
 
@@ -52,13 +56,18 @@ impl Course {
         twin::simulate(&run, robots, trajectory, injections, each).map_err(stopped)
     }
 
-    /// On a plant that is what the robot file says and nothing else.
+    /// On a plant that is what the robot file says and nothing else, until it is not wanted any more.
     ///
     /// # Errors
     /// As [`Course::run`].
-    pub fn run_nominal(&self, robot: &Robot) -> Result<Emulated, CliError> {
+    pub fn run_nominal(
+        &self,
+        robot: &Robot,
+        is_wanted: &dyn Fn() -> bool,
+    ) -> Result<Emulated, CliError> {
         let (run, mut kept) = (self.config(robot), Kept::new(robot));
-        let (trajectory, each) = (self.trajectory.clone(), |m: &CycleMessages| kept.add(m));
+        let trajectory = self.trajectory.clone();
+        let each = |m: &CycleMessages| kept.add(m) && is_wanted();
         twin::simulate_nominal(&run, robot, trajectory, each).map_err(stopped)?;
         Ok(kept.finish())
     }

@@ -30,7 +30,7 @@ use crate::closed_loop::search::{Model, Search, Term};
 use crate::diagnose::{
     DiagnoseError, Diagnosis, JointTraces, Prepared, Progress, blank_report, insufficient, prepared,
 };
-use crate::evidence::remaining;
+use crate::evidence::imitation;
 use crate::evidence::rows::Rows;
 use crate::evidence::shares::Interval;
 use crate::evidence::told::{FLOOR, Found, MATERIALITY, Said};
@@ -137,7 +137,7 @@ impl<'a> Joint<'a> {
     }
 
     fn weighed(&self, about: About, of_arm: Option<&OfArm>) -> Explained {
-        let evidence = about.evidence(&self.compared, &[], of_arm, Evidence::of);
+        let evidence = about.evidence(&self.compared, of_arm, Evidence::of);
         let sets = evidence.best(|fit| about.is_possible(&self.search, fit));
         Explained {
             about,
@@ -165,31 +165,24 @@ impl<'a> Joint<'a> {
             }
             explained = self.weighed(about, of_arm);
         }
-        self.take_back_imitations(&mut explained, of_arm)?;
+        self.take_back_imitations(&mut explained)?;
         Ok(explained)
     }
 
     /// Takes back names whose part of the gap a smooth law on no list explains better.
-    fn take_back_imitations(
-        &self,
-        explained: &mut Explained,
-        of_arm: Option<&OfArm>,
-    ) -> Result<(), FilterError> {
+    fn take_back_imitations(&self, explained: &mut Explained) -> Result<(), FilterError> {
         let Explained {
             about,
             evidence,
             sets,
         } = explained;
         let rows = self.rows()?;
-        let rivals = remaining::rivals(&rows).into_iter().map(|smooth| {
-            let columns = smooth.iter().map(|column| self.compared.of_motor(column));
-            let columns: Vec<Vec<f64>> = columns.collect();
-            let beside = |problem: &Problem<'_>| Evidence::beside(problem, evidence);
-            about.evidence(&self.compared, &columns, of_arm, beside)
+        let best = sets[0].names;
+        imitation::take_back(sets, evidence, &rows, |column| {
+            self.compared.of_motor(column)
         });
-        let (_, names) = remaining::without_imitations(rivals, sets[0].names);
-        if names != sets[0].names {
-            remaining::take_back(sets, evidence, names);
+        let names = sets[0].names;
+        if names != best {
             about.model = about.told(&self.search, &evidence.fit(names));
         }
         Ok(())
@@ -314,7 +307,7 @@ impl<'a> Joint<'a> {
         let is_at_floor = above.all(|(left, settled)| *left <= FLOOR.powi(2) * settled.floor);
         let without_cause = |_| {
             let beside = |problem: &Problem<'_>| Evidence::beside(problem, &explained.evidence);
-            explained.about.evidence(&self.compared, &[], None, beside)
+            explained.about.evidence(&self.compared, None, beside)
         };
         let alone = arm.shared.map(without_cause);
         let called = Responses {

@@ -233,11 +233,10 @@ impl About {
         }
     }
 
-    /// The evidence, beside what the arm shares. `smooth`: a law on no list that may stand for names.
+    /// The evidence, beside what the arm shares.
     pub fn evidence<R>(
         &self,
         compared: &Compared,
-        smooth: &[Vec<f64>],
         of_arm: Option<&OfArm>,
         of: impl FnOnce(&Problem<'_>) -> R,
     ) -> R {
@@ -245,7 +244,6 @@ impl About {
             gap_nm: &self.gap_nm,
             spans: &compared.spans,
             items: &self.items(),
-            smooth,
             inexact: compared.inexact,
             tolerated: &self.known,
             shared: of_arm.map(|of| (of.columns.as_slice(), &of.message)),
@@ -263,7 +261,6 @@ impl About {
             gap_nm: &self.gap_nm,
             spans: &compared.spans,
             items: &items,
-            smooth: &[],
             inexact: compared.inexact,
             tolerated: &self.known,
             shared: Some((of_arm.columns.as_slice(), &of_arm.message)),

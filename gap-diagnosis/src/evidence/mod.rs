@@ -6,6 +6,7 @@
 //! the square of its standard deviations, in nats, by the prior that their tolerance is.
 
 pub mod arm;
+pub mod imitation;
 pub mod remaining;
 pub mod rows;
 pub mod shares;
@@ -43,8 +44,8 @@ const ALIKE: f64 = 1e-9;
 
 /// One set of names, as a bit each in the order of the items.
 pub type Names = u128;
-/// Items at most, one bit being a smooth law's.
-pub const ITEMS_MAX: usize = 127;
+/// Items at most.
+pub const ITEMS_MAX: usize = 128;
 
 /// Something that may be named.
 #[derive(Clone, Copy, Debug)]
@@ -59,6 +60,15 @@ pub struct Item<'a> {
     pub is_usual: bool,
     /// A column for each amplitude.
     pub columns: &'a [Vec<f64>],
+}
+
+/// A smooth law on no list.
+#[derive(Clone, Debug)]
+pub struct Smooth {
+    /// What saying that there is one costs, in nats.
+    pub cost: f64,
+    /// It is a sum of these.
+    pub columns: Vec<Vec<f64>>,
 }
 
 /// Rows of one compared signal, and what they hold whatever the model.
@@ -89,8 +99,6 @@ pub struct Problem<'a> {
     pub items: &'a [Item<'a>],
     /// Columns with a standard deviation of one.
     pub tolerated: &'a [Vec<f64>],
-    /// Columns of a smooth law on no list, which may stand for names. They are one more place behind the laws.
-    pub smooth: &'a [Vec<f64>],
     /// Part of what the names explain by which no law is exact.
     pub inexact: f64,
     /// A shared cause's columns, with what the other joints say of them.
@@ -102,6 +110,7 @@ pub struct Problem<'a> {
 pub struct Evidence {
     /// Of each item.
     kinds: Vec<usize>,
+    /// Of each item and each smooth law.
     costs: Vec<f64>,
     deviations: Vec<Option<f64>>,
     usual: Names,
@@ -179,6 +188,61 @@ impl Evidence {
         evidence
     }
 
+    /// The same of some names alone, with smooth laws beside them, each one more place behind the items.
+    pub fn with_smooth(&self, names: Names, smooth: &[Smooth]) -> Self {
+        let mut columns: Vec<Vec<f64>> = Vec::new();
+        let mut scale = Vec::new();
+        let mut own = Vec::new();
+        for (item, places) in self.own.iter().enumerate() {
+            let begin = columns.len();
+            if names & (1 << item) != 0 {
+                columns.extend(self.columns[places.clone()].iter().cloned());
+                scale.extend_from_slice(&self.scale[places.clone()]);
+            }
+            own.push(begin..columns.len());
+        }
+        let mut costs = self.costs.clone();
+        for law in smooth {
+            let begin = columns.len();
+            for column in &law.columns {
+                let mut column = column.clone();
+                scale.push(scaled(&mut column));
+                columns.push(column);
+            }
+            own.push(begin..columns.len());
+            costs.push(law.cost);
+        }
+        let law_columns = columns.len();
+        columns.extend(self.columns[self.law_columns..].iter().cloned());
+        scale.extend_from_slice(&self.scale[self.law_columns..]);
+        let spans = self.spans.iter();
+        let mut evidence = Self {
+            kinds: self.kinds.clone(),
+            costs,
+            deviations: self.deviations.clone(),
+            usual: self.usual,
+            own,
+            scale,
+            law_columns,
+            parts: spans
+                .map(|span| parts(&columns, &self.gap_nm, &span.rows))
+                .collect(),
+            columns,
+            gap_nm: self.gap_nm.clone(),
+            spans: self.spans.clone(),
+            inexact: self.inexact,
+            shared: self.shared.clone(),
+            shared_columns: self.shared_columns,
+            settled: self.settled.clone(),
+            lift: Vec::new(),
+            trains: Vec::new(),
+            reduced: Vec::new(),
+            whole: Reduced::empty(),
+        };
+        evidence.eliminate();
+        evidence
+    }
+
     fn begun(problem: &Problem<'_>) -> Self {
         let mut columns: Vec<Vec<f64>> = Vec::new();
         let mut own = Vec::new();
@@ -186,19 +250,8 @@ impl Evidence {
             own.push(columns.len()..columns.len() + item.columns.len());
             columns.extend(item.columns.iter().cloned());
         }
-        if !problem.smooth.is_empty() {
-            own.push(columns.len()..columns.len() + problem.smooth.len());
-            columns.extend(problem.smooth.iter().cloned());
-        }
         let law_columns = columns.len();
-        let rms = |column: &Vec<f64>| {
-            let square = column.iter().map(|x| x * x).sum::<f64>() / column.len().max(1) as f64;
-            square.sqrt() + 1e-30
-        };
-        let mut scale: Vec<f64> = columns.iter().map(rms).collect();
-        for (column, scale) in columns.iter_mut().zip(&scale) {
-            column.iter_mut().for_each(|x| *x /= scale);
-        }
+        let mut scale: Vec<f64> = columns.iter_mut().map(|column| scaled(column)).collect();
         columns.extend(problem.tolerated.iter().cloned());
         scale.extend(problem.tolerated.iter().map(|_| 1.0));
         let mut shared = None;
@@ -455,24 +508,18 @@ impl Evidence {
         self.usual
     }
 
-    /// The smooth law's bit.
-    pub fn smooth(&self) -> Names {
-        1 << self.kinds.len()
+    /// Each smooth law's bit.
+    pub fn smooth(&self) -> impl Iterator<Item = Names> {
+        (self.kinds.len()..self.own.len()).map(|place| 1 << place)
     }
 
     /// What a set costs.
     pub fn cost(&self, names: Names) -> f64 {
-        let smooth = self.own.get(self.kinds.len());
-        let smooth = smooth.filter(|_| names & self.smooth() != 0);
-        let smooth = smooth.map_or(0.0, |own| {
-            NAME_NATS + AMPLITUDE_NATS * (own.len() - 1) as f64
-        });
         let costs = self.costs.iter().enumerate();
-        smooth
-            + costs
-                .filter(|(index, _)| names & (1 << index) != 0)
-                .map(|(_, cost)| cost)
-                .sum::<f64>()
+        costs
+            .filter(|(index, _)| names & (1 << index) != 0)
+            .map(|(_, cost)| cost)
+            .sum()
     }
 
     /// One set's score.
@@ -802,6 +849,14 @@ impl Evidence {
     }
 }
 
+/// Lets a column's mean square be one, and tells what its root was.
+fn scaled(column: &mut [f64]) -> f64 {
+    let square = column.iter().map(|x| x * x).sum::<f64>() / column.len().max(1) as f64;
+    let scale = square.sqrt() + 1e-30;
+    column.iter_mut().for_each(|x| *x /= scale);
+    scale
+}
+
 /// Rows that are as good as independent, from the correlation of a signal with itself: `n / (1 + 2 Σ ρ)` up to where it dies away.
 pub fn independent_rows(signal: &[f64]) -> f64 {
     let rows = signal.len();
@@ -858,7 +913,6 @@ mod tests {
             spans,
             items,
             tolerated: known,
-            smooth: &[],
             inexact: 0.0,
             shared: None,
         })

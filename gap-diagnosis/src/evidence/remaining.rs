@@ -5,13 +5,11 @@ use std::f64::consts::TAU;
 use nalgebra::{DMatrix, DVector};
 
 use super::rows::Rows;
-use super::{Evidence, Names, PARTS, Scored, independent_rows};
+use super::{NAME_NATS, PARTS, independent_rows};
 use crate::report::{Remains, RemainsOver};
 
 /// Corners of a smooth law.
 const CORNERS: usize = 9;
-/// Cost of saying that something depends on a variable, in nats: that of a name.
-const NATS: f64 = 3.0;
 /// Cycles per motor turn that gears and motors have.
 const CYCLES: [f64; 3] = [1.0, 2.0, 4.0];
 /// Keeps corners without rows at zero, relative to the rows' squares.
@@ -31,9 +29,9 @@ pub fn over(
 ) -> Vec<RemainsOver> {
     let independent = independent_rows(rest_nm);
     let families: [Family<'_>; 7] = [
-        hats(Remains::Position, &rows.position_rad),
-        hats(Remains::Velocity, &rows.velocity_rad_s),
-        hats(Remains::Load, &rows.load_nm),
+        table(Remains::Position, &rows.position_rad),
+        table(Remains::Velocity, &rows.velocity_rad_s),
+        table(Remains::Load, &rows.load_nm),
         (Remains::Time, bent(&rows.time_s), None),
         (Remains::SinceReversal, since_reversal(rows), None),
         (Remains::MotorPhase, motor_phase(rows, gear_ratio), None),
@@ -57,7 +55,7 @@ pub fn over(
                 }
                 None => (Vec::new(), Vec::new()),
             };
-            (nats > NATS).then_some(RemainsOver {
+            (nats > NAME_NATS).then_some(RemainsOver {
                 over,
                 share,
                 at,
@@ -69,10 +67,26 @@ pub fn over(
     found
 }
 
-fn hats(over: Remains, values: &[f64]) -> Family<'_> {
+fn table(over: Remains, values: &[f64]) -> Family<'_> {
     let corners = corners(values);
     let columns = hats_at(&corners, values);
     (over, columns, Some((corners, values)))
+}
+
+/// Columns of a smooth law over values.
+pub(super) fn hats(values: &[f64]) -> Vec<Vec<f64>> {
+    hats_at(&corners(values), values)
+}
+
+/// Columns times the direction of motion: what brakes.
+pub(super) fn braking(columns: Vec<Vec<f64>>, velocity_rad_s: &[f64]) -> Vec<Vec<f64>> {
+    let columns = columns.into_iter();
+    columns
+        .map(|column| {
+            let both = column.iter().zip(velocity_rad_s);
+            both.map(|(x, v)| x * v.signum()).collect()
+        })
+        .collect()
 }
 
 /// As many rows lie between any two.
@@ -109,7 +123,7 @@ fn hat(corners: &[f64], corner: usize, value: f64) -> f64 {
     }
 }
 
-fn bent(time_s: &[f64]) -> Vec<Vec<f64>> {
+pub(super) fn bent(time_s: &[f64]) -> Vec<Vec<f64>> {
     let ends = time_s.first().zip(time_s.last());
     let Some((first, last)) = ends.filter(|(first, last)| last > first) else {
         return Vec::new();
@@ -119,60 +133,9 @@ fn bent(time_s: &[f64]) -> Vec<Vec<f64>> {
     vec![power(0), power(1), power(2)]
 }
 
-/// Smooth laws over what no name on the list depends on: they may stand for names, which then are no names. The other joints' motion
-/// is not among them: where joints move together it stands for any law of this one.
-pub fn rivals(rows: &Rows) -> Vec<Vec<Vec<f64>>> {
-    // all corners together are Coulomb friction, and a constant is an offset
-    let (_, over_position, _) = hats(Remains::Position, &rows.position_rad);
-    [since_reversal(rows), bent(&rows.time_s), over_position]
-        .into_iter()
-        .map(|columns| columns.into_iter().skip(1).collect::<Vec<_>>())
-        .filter(|columns| !columns.is_empty())
-        .collect()
-}
-
-/// Whether one of the smooth laws, each in an evidence of its own, explains something that the best set leaves; and the names that are
-/// left if those are taken back whose part it explains better: the best of the others, beside it, where that is ahead.
-pub fn without_imitations(rivals: impl Iterator<Item = Evidence>, best: Names) -> (bool, Names) {
-    let mut ahead: Option<(f64, Names)> = None;
-    for evidence in rivals {
-        // what every joint may have is not taken back
-        let usual = best & evidence.usual();
-        let others = best & !usual;
-        let known = evidence.scored(best).score;
-        let mut subset = others;
-        loop {
-            let score = evidence.scored(subset | usual | evidence.smooth()).score;
-            if score > known && ahead.is_none_or(|(most, _)| score - known > most) {
-                ahead = Some((score - known, subset | usual));
-            }
-            if subset == 0 {
-                break;
-            }
-            subset = (subset - 1) & others;
-        }
-    }
-    (ahead.is_some(), ahead.map_or(best, |(_, names)| names))
-}
-
-/// Lets `names` be the best set; sets with what is taken back are no more.
-pub fn take_back(sets: &mut Vec<Scored>, evidence: &Evidence, names: Names) {
-    let taken = sets[0].names & !names;
-    if taken != 0 {
-        sets.retain(|set| set.names & taken == 0 && set.names != names);
-        sets.insert(0, evidence.scored(names));
-    }
-}
-
 /// Friction that grows or fades after each reversal.
-fn since_reversal(rows: &Rows) -> Vec<Vec<f64>> {
-    let (_, hats, _) = hats(Remains::SinceReversal, &rows.since_reversal_s);
-    hats.into_iter()
-        .map(|hat| {
-            let both = hat.iter().zip(&rows.velocity_rad_s);
-            both.map(|(hat, v)| hat * v.signum()).collect()
-        })
-        .collect()
+pub(super) fn since_reversal(rows: &Rows) -> Vec<Vec<f64>> {
+    braking(hats(&rows.since_reversal_s), &rows.velocity_rad_s)
 }
 
 fn motor_phase(rows: &Rows, gear_ratio: f64) -> Vec<Vec<f64>> {

@@ -23,7 +23,7 @@ use crate::diagnose::{
     DiagnoseError, Diagnosis, JointTraces, Progress, blank_report, insufficient,
 };
 use crate::evidence::arm::{self, Cause};
-use crate::evidence::remaining;
+use crate::evidence::imitation;
 use crate::evidence::shares::Interval;
 use crate::evidence::told::{self, Found, Said};
 use crate::on_all_cores::OnAllCores;
@@ -96,7 +96,7 @@ pub fn diagnose(
         }
         report.data.extend(untold(robot, &usable.read, &pieces));
         let (mut searched, mut shared) = searched(robot, &joints, progress);
-        without_imitations(&joints, &mut searched, shared.as_ref());
+        without_imitations(&joints, &mut searched);
         let mut said = said(robot, &joints, &searched, shared.as_ref(), materiality);
         if shared.is_some() && !matters(&said, materiality) {
             // what explains little of every joint is no cause of theirs
@@ -104,7 +104,7 @@ pub fn diagnose(
             for both in &mut searched {
                 both.with = None;
             }
-            without_imitations(&joints, &mut searched, None);
+            without_imitations(&joints, &mut searched);
             said = self::said(robot, &joints, &searched, None, materiality);
         }
         let mut of_shared = BTreeMap::new();
@@ -277,18 +277,12 @@ impl Joint {
         }]
     }
 
-    fn evidence<R>(
-        &self,
-        smooth: &[Vec<f64>],
-        shared: Option<&Prior>,
-        of: impl FnOnce(&Problem<'_>) -> R,
-    ) -> R {
+    fn evidence<R>(&self, shared: Option<&Prior>, of: impl FnOnce(&Problem<'_>) -> R) -> R {
         of(&Problem {
             gap_nm: &self.rows.seen.gap_nm(),
             spans: &self.spans(),
             items: &self.items(),
             tolerated: &self.rows.tolerated,
-            smooth,
             inexact: 0.0,
             shared: shared.map(|prior| (prior.columns.as_slice(), &prior.message)),
         })
@@ -305,7 +299,7 @@ impl Joint {
     }
 
     fn searched(&self, shared: Option<&Prior>) -> Searched {
-        let evidence = self.evidence(&[], shared, Evidence::of);
+        let evidence = self.evidence(shared, Evidence::of);
         let sets = evidence.best(|fit| self.is_possible(fit));
         Searched {
             evidence,
@@ -316,13 +310,13 @@ impl Joint {
 
     /// Takes back names whose part of the gap a smooth law over what no name depends on explains better: the best set of the others,
     /// beside such a law, where that is ahead of the best set.
-    fn without_imitations(&self, searched: &mut Searched, shared: Option<&Prior>) {
-        let rivals = remaining::rivals(&self.rows.seen).into_iter();
-        let beside = |problem: &Problem<'_>| Evidence::beside(problem, &searched.evidence);
-        let rivals = rivals.map(|smooth| self.evidence(&smooth, shared, beside));
-        let (leaves_a_law, names) = remaining::without_imitations(rivals, searched.sets[0].names);
-        searched.leaves_a_law = leaves_a_law;
-        remaining::take_back(&mut searched.sets, &searched.evidence, names);
+    fn without_imitations(&self, searched: &mut Searched) {
+        searched.leaves_a_law = imitation::take_back(
+            &mut searched.sets,
+            &searched.evidence,
+            &self.rows.seen,
+            <[f64]>::to_vec,
+        );
     }
 
     fn is_possible(&self, fit: &Fit) -> bool {
@@ -393,12 +387,10 @@ impl Joint {
 }
 
 /// Takes back what only imitates a smooth law, joint by joint.
-fn without_imitations(joints: &[Joint], searched: &mut [Both], shared: Option<&Shared>) {
-    let both = joints.iter().zip(searched).enumerate();
-    both.on_all_cores(|(place, (joint, both))| {
-        let told = shared.map(|shared| &shared.priors[place]);
-        let best = both.with.as_mut().unwrap_or(&mut both.alone);
-        joint.without_imitations(best, told);
+fn without_imitations(joints: &[Joint], searched: &mut [Both]) {
+    let both = joints.iter().zip(searched);
+    both.on_all_cores(|(joint, both)| {
+        joint.without_imitations(both.with.as_mut().unwrap_or(&mut both.alone));
     })
     .for_each(drop);
 }
@@ -417,8 +409,6 @@ struct Prior {
 
 /// A cause that the arm shares.
 struct Shared {
-    /// For each joint.
-    priors: Vec<Prior>,
     effect: Effect,
     std: Vec<f64>,
     joints: Vec<String>,
@@ -533,7 +523,7 @@ fn beside(
             .on_all_cores(|((joint, prior), place): (_, usize)| {
                 // names that were found without the cause may stand for it
                 if round == 0 {
-                    let evidence = joint.evidence(&[], Some(prior), Evidence::of);
+                    let evidence = joint.evidence(Some(prior), Evidence::of);
                     return evidence.message(evidence.usual());
                 }
                 let searched = &with[place];
@@ -583,7 +573,6 @@ fn beside(
     };
     let seen = joints.iter().filter(sees);
     let shared = Shared {
-        priors,
         effect,
         std: covariance
             .diagonal()

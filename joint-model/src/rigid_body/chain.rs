@@ -267,3 +267,19 @@ pub fn is_inertia_of_a_body(inertia_kg_m2: &Matrix3<f64>) -> bool {
     let largest = moments.max();
     moments.min() >= -rounding && 2.0 * largest - moments.sum() <= TRIANGLE_TOLERANCE * largest
 }
+
+/// The inertia of a body that is nearest to one that no body has: of `½·tr(I)·1 - I`, the second moments of mass, the negative ones are
+/// zero. The inertia must be finite and symmetric.
+///
+/// Source: Wensing, Kim and Slotine, Linear matrix inequalities for physically consistent inertial parameter identification, IEEE Robotics
+/// and Automation Letters 3 (2018), eq. 14, which says what second moments an inertia has.
+pub fn nearest_inertia_of_a_body(inertia_kg_m2: &Matrix3<f64>) -> Matrix3<f64> {
+    let moments = Matrix3::identity() * (0.5 * inertia_kg_m2.trace()) - inertia_kg_m2;
+    let mut eigen = SymmetricEigen::new(moments);
+    eigen
+        .eigenvalues
+        .iter_mut()
+        .for_each(|moment| *moment = moment.max(0.0));
+    let moments = eigen.recompose();
+    Matrix3::identity() * moments.trace() - moments
+}

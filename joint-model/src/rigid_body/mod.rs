@@ -34,7 +34,9 @@ mod one_joint;
 mod published_gravity;
 mod symmetric;
 
-pub use chain::{Chain, ChainError, JointKind, LINKS_MAX, Link, is_inertia_of_a_body};
+pub use chain::{
+    Chain, ChainError, JointKind, LINKS_MAX, Link, is_inertia_of_a_body, nearest_inertia_of_a_body,
+};
 pub use one_joint::{Carried, Moving, Standing};
 pub use published_gravity::PublishedGravity;
 

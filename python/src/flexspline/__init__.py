@@ -8,12 +8,15 @@
 
 from ._diagnose import diagnose
 from ._errors import FlexsplineError, FormatWarning, InputError, NegativeError
+from ._experiments import Suggestion, identify, simulate, suggest
+from ._live import Attachment, attach, watch
 from ._native import __version__
 from ._recording import Recording
 from ._report import Effect, JointReport, Parameter, Remains, Report
 from ._robot import Robot
 
 __all__ = [
+    "Attachment",
     "Effect",
     "FlexsplineError",
     "FormatWarning",
@@ -25,6 +28,12 @@ __all__ = [
     "Remains",
     "Report",
     "Robot",
+    "Suggestion",
     "__version__",
+    "attach",
     "diagnose",
+    "identify",
+    "simulate",
+    "suggest",
+    "watch",
 ]

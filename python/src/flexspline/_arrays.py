@@ -15,12 +15,7 @@ Floats = NDArray[np.float64]
 
 def floats(values: Any, name: str) -> Floats:
     """One column as floats; what is missing is NaN."""
-    try:
-        array = np.asarray(_numpy(values))
-    except Exception as error:
-        raise InputError(f"{name}: is no array of numbers ({_one_line(error)})") from None
-    if isinstance(array, np.ma.MaskedArray):
-        array = array.filled(np.nan)
+    array = _array(values, name)
     if array.dtype.kind not in "fiu":
         raise InputError(f"{name}: holds {array.dtype}, not numbers; convert it with `.astype(float)`{_hint(array)}")
     if array.ndim != 1:
@@ -30,12 +25,24 @@ def floats(values: Any, name: str) -> Floats:
 
 def seconds(values: Any, name: str) -> Floats:
     """Times as seconds; dates become seconds since the first."""
-    array = np.asarray(_numpy(values))
-    if array.dtype.kind == "M" and array.size:
-        array = array - array[0]
-    if array.dtype.kind == "m":
-        return floats(array / np.timedelta64(1, "s"), name)
+    array = _array(values, name)
+    if array.ndim == 1 and array.dtype.kind in "mM":
+        try:
+            since = array - array[:1] if array.dtype.kind == "M" else array
+            array = since / np.timedelta64(1, "s")
+        except TypeError:
+            raise InputError(f"{name}: {array.dtype} cannot be told in seconds; convert it to seconds") from None
     return floats(array, name)
+
+
+def table(values: Any, name: str, width: int) -> Floats:
+    """Rows of so many floats, or one of them."""
+    array = _array(values, name)
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{name}: holds {array.dtype}, not numbers; convert it with `.astype(float)`")
+    if array.ndim not in (1, 2) or array.shape[-1] != width:
+        raise InputError(f"{name}: has the shape {array.shape}; the robot has {width} joints, so give (rows, {width})")
+    return np.asarray(array, dtype=np.float64)
 
 
 def columns_of(table: Any) -> list[tuple[str, Floats]] | None:
@@ -54,19 +61,28 @@ def columns_of(table: Any) -> list[tuple[str, Floats]] | None:
         text = str(name)
         told = f"column `{text}`"
         values = column(name)
-        kind = getattr(np.asarray(_numpy(values)), "dtype", np.dtype(object)).kind
-        if kind in "mM":
-            converted.append((text, seconds(values, told)))
-        elif kind in "fiu" or "." in text or text == "time_s":
-            converted.append((text, floats(values, told)))
+        array = _array(values, told)
+        if array.dtype.kind in "mM":
+            converted.append((text, seconds(array, told)))
+        elif array.dtype.kind in "fiu" or "." in text or text == "time_s":
+            converted.append((text, floats(array, told)))
         # text and flags beside the measurements tell nothing of a joint
     return converted
 
 
+def _array(values: Any, name: str) -> NDArray[Any]:
+    """A NumPy array, missing values NaN."""
+    try:
+        array = _numpy(values)
+        if isinstance(array, np.ma.MaskedArray):
+            array = np.ma.filled(array.astype(np.float64), np.nan)
+        return np.asarray(array)
+    except Exception as error:
+        raise InputError(f"{name}: is no array of numbers ({_one_line(error)})") from None
+
+
 def _numpy(values: Any) -> Any:
-    """A NumPy array of a column of another library, its missing values NaN."""
-    if isinstance(values, np.ndarray):
-        return values
+    """An array, or what NumPy makes one of, of a column of another library."""
     module = type(values).__module__.split(".")[0]
     if module == "pandas" and getattr(values.dtype, "kind", "O") in "fiu" and not isinstance(values.dtype, np.dtype):
         return values.to_numpy(dtype=np.float64, na_value=np.nan)

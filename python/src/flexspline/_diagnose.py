@@ -42,13 +42,18 @@ def diagnose(
         raise InputError(f"materiality {materiality}: a share is a number from 0 to below 1, such as 0.02")
     if threads is not None and threads < 1:
         raise InputError(f"threads {threads}: give 1 or more, or leave it out")
-    tables = [recording._native for recording in recordings_of(recordings, robot, mapping)]
+    tables = [recording._inner for recording in recordings_of(recordings, robot, mapping)]
     if not tables:
         raise InputError("no recording was given")
-    tell = _printed if progress is True else progress or None
-    return Report(_native.diagnose(robot._native, tables, engine, materiality, threads, tell), robot)
+    tell = printed("joints") if progress is True else progress or None
+    return Report(_native.diagnose(robot._inner, tables, engine, materiality, threads, tell), robot)
 
 
-def _printed(done: int, of: int) -> None:
-    end = "\n" if done == of else ""
-    print(f"\r{done} of {of} joints", end=end, file=sys.stderr, flush=True)
+def printed(what: str) -> Progress:
+    """Tells on standard error how far it is."""
+
+    def tell(done: int, of: int) -> None:
+        end = "\n" if done == of else ""
+        print(f"\r{done} of {of} {what}", end=end, file=sys.stderr, flush=True)
+
+    return tell

@@ -23,7 +23,7 @@ class Recording:
     `recording["elbow"]["motor_torque_nm"]` is a read-only array, `recording.time_s` its times.
     """
 
-    _native: _native.Recording
+    _inner: _native.Recording
 
     def __init__(self) -> None:
         raise TypeError("take Recording.load(path), Recording.from_arrays(...) or Recording.from_table(frame)")
@@ -31,7 +31,7 @@ class Recording:
     @classmethod
     def _of(cls, native: _native.Recording) -> Recording:
         recording = cls.__new__(cls)
-        recording._native = native
+        recording._inner = native
         return recording
 
     @classmethod
@@ -41,7 +41,7 @@ class Recording:
         `mapping` says which column is which signal, else a file `NAME.mapping.toml` beside it does; with a `robot` that is
         guessed where it is certain.
         """
-        return cls._of(_native.Recording.load(path, robot and robot._native, mapping))
+        return cls._of(_native.Recording.load(path, robot._inner if robot else None, mapping))
 
     @classmethod
     def from_arrays(cls, time: Any, joints: Mapping[str, Mapping[str, Any]], name: str = "arrays") -> Recording:
@@ -68,47 +68,47 @@ class Recording:
         columns = columns_of(table)
         if columns is None:
             raise InputError(f"{name}: a {type(table).__name__} is neither a data frame nor a mapping of columns")
-        return cls._of(_native.Recording.from_columns(name, columns, robot and robot._native))
+        return cls._of(_native.Recording.from_columns(name, columns, robot._inner if robot else None))
 
     def save(self, path: PathLike) -> None:
         """Writes it as the name asks for: `.mcap`, `.parquet` or `.csv`."""
-        self._native.save(path)
+        self._inner.save(path)
 
     @property
     def name(self) -> str:
         """File, or what it was called."""
-        return self._native.name
+        return self._inner.name
 
     @property
     def guessed(self) -> list[str]:
         """What its columns were taken for, where nothing said it; a line a joint."""
-        return self._native.guessed
+        return self._inner.guessed
 
     @property
     def metadata(self) -> dict[str, str]:
         """What the recorder wrote about the run."""
-        return self._native.metadata
+        return self._inner.metadata
 
     @property
     def sample_rate_hz(self) -> float:
         """The planned rate where it is told, else what the times show."""
-        return self._native.sample_rate_hz
+        return self._inner.sample_rate_hz
 
     @property
     def joints(self) -> list[str]:
         """Names of the joints."""
-        return self._native.joints
+        return self._inner.joints
 
     @property
     def time_s(self) -> Floats:
         """Time of each row."""
-        return self._native.time_s
+        return self._inner.time_s
 
     def __getitem__(self, joint: str) -> dict[str, Floats]:
-        return {signal: self._native.column(joint, signal) for signal in self._native.signals(joint)}
+        return {signal: self._inner.column(joint, signal) for signal in self._inner.signals(joint)}
 
     def __len__(self) -> int:
-        return self._native.rows
+        return self._inner.rows
 
     def to_dict(self) -> dict[str, Floats]:
         """Columns by name: `time_s` and `JOINT.SIGNAL`; what `pandas.DataFrame`, `polars.DataFrame` and `pyarrow.table` take."""

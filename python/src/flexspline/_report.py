@@ -35,8 +35,8 @@ class Parameter(float):
         value.at_bound = told["at_bound"]
         return value
 
-    def __getnewargs__(self) -> tuple[dict[str, Any]]:
-        return ({"value": float(self), "std": self.std, "at_bound": self.at_bound},)
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Parameter, ({"value": float(self), "std": self.std, "at_bound": self.at_bound},)
 
 
 class Effect:
@@ -118,10 +118,10 @@ class JointReport:
 class Report:
     """A diagnosis. In a notebook it shows itself: a sentence, the robot, the shares, what remains."""
 
-    _native: _native.Diagnosis
+    _inner: _native.Diagnosis
 
     def __init__(self, native: _native.Diagnosis, robot: Robot) -> None:
-        self._native = native
+        self._inner = native
         self._told: dict[str, Any] = json.loads(native.json())
         self.robot = robot
         """The robot that was diagnosed."""
@@ -129,7 +129,7 @@ class Report:
     @property
     def headline(self) -> str:
         """The result in one sentence."""
-        return self._native.headline()
+        return self._inner.headline()
 
     @property
     def effects(self) -> list[Effect]:
@@ -169,7 +169,8 @@ class Report:
 
     def to_dict(self) -> dict[str, Any]:
         """All of it, as `report.json` of `flexspline gap diagnose` has it."""
-        return json.loads(self._native.json())
+        told: dict[str, Any] = json.loads(self._inner.json())
+        return told
 
     def to_pandas(self) -> Any:
         """A row a joint, effect and parameter; a joint without an effect has one row."""
@@ -203,7 +204,7 @@ class Report:
     def traces(self, joint: str) -> dict[str, Floats]:
         """Torque over time of a joint's first stretch: `measured_nm`, `nominal_nm` by the robot file, `augmented_nm` with the effects."""
         self.joint(joint)
-        traces = self._native.traces(joint)
+        traces = self._inner.traces(joint)
         if traces is None:
             raise InputError(f"joint `{joint}`: could not be diagnosed, so it has no traces; {self.joint(joint).reason}")
         return {name: np.asarray(values) for name, values in traces.items()}
@@ -213,7 +214,7 @@ class Report:
         end = Path(path).suffix.lower()
         if end not in (".html", ".json"):
             raise InputError(f"{os.fspath(path)}: a report is a page or data; name it .html or .json")
-        text = self._native.html() if end == ".html" else self._native.json() + "\n"
+        text = self._inner.html() if end == ".html" else self._inner.json() + "\n"
         Path(path).write_text(text, encoding="utf-8")
 
     def apply(self, robot: Robot | PathLike | None = None, remaining: bool = False) -> Robot:
@@ -222,7 +223,7 @@ class Report:
         With `remaining` what has no name is added too, as torque tables. `Robot.changes` says what was done.
         """
         target = self.robot if robot is None else robot_of(robot)
-        native, changes, left_out = _native.mended(target._native, self._native.json(), remaining)
+        native, changes, left_out = _native.mended(target._inner, self._inner.json(), remaining)
         mended = Robot._of(native)
         told = [f"{joint or 'arm'}: {effect}: {done}" for joint, effect, done in changes]
         mended.changes = told + left_out
@@ -236,9 +237,9 @@ class Report:
 
     def _repr_html_(self) -> str:
         # a frame of its own: the page's style is not the notebook's, nor the notebook's the page's
-        page = html.escape(self._native.short_html())
+        page = html.escape(self._inner.short_html())
         grow = "this.style.height = this.contentDocument.documentElement.scrollHeight + 20 + 'px'"
         return f'<iframe srcdoc="{page}" style="width: 100%; height: 600px; border: 0" onload="{grow}"></iframe>'
 
     def __repr__(self) -> str:
-        return self._native.text()
+        return self._inner.text()

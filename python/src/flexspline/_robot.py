@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Union
+from typing import Any, Union
+
+import numpy as np
 
 from . import _native
-from ._errors import FormatWarning
-
-if TYPE_CHECKING:
-    from typing import Any
+from ._arrays import Floats, table
+from ._errors import FormatWarning, InputError
 
 PathLike = Union[str, "os.PathLike[str]"]
 
@@ -23,40 +23,53 @@ class Robot:
     It is never changed; `Report.apply` makes another one.
     """
 
-    _native: _native.Robot
+    _inner: _native.Robot
     changes: list[str] = []
     """What `Report.apply` did to it, in words."""
 
     def __init__(self, path: PathLike) -> None:
-        self._native = _native.Robot(path)
+        self._inner = _native.Robot(path)
 
     @classmethod
     def _of(cls, native: _native.Robot) -> Robot:
         robot = cls.__new__(cls)
-        robot._native = native
+        robot._inner = native
         return robot
 
     @property
     def name(self) -> str:
         """What the robot is called."""
-        return self._native.name
+        return self._inner.name
 
     @property
     def joints(self) -> list[str]:
         """Names of the joints, in the chain's order."""
-        return self._native.joints
+        return self._inner.joints
 
     @property
     def notes(self) -> list[str]:
         """What was assumed, held or not read of its description."""
-        return self._native.notes
+        return self._inner.notes
+
+    def inverse_dynamics(self, position: Any, velocity: Any, acceleration: Any) -> Floats:
+        """Torque at the joints that a motion needs: rigid bodies, payloads and rotors, gravity included; no friction.
+
+        Arrays of one row a sample and one column a joint, in rad (m for sliding joints) and seconds, or of one sample alone.
+        """
+        given = [("position", position), ("velocity", velocity), ("acceleration", acceleration)]
+        arrays = [np.ascontiguousarray(table(values, name, len(self.joints))) for name, values in given]
+        if len({array.shape for array in arrays}) > 1:
+            shapes = ", ".join(str(array.shape) for array in arrays)
+            raise InputError(f"position, velocity and acceleration have the shapes {shapes}; give arrays of one shape")
+        rows = (np.atleast_2d(array) for array in arrays)
+        return _native.inverse_dynamics(self._inner, *rows).reshape(arrays[0].shape)
 
     def to_toml(self) -> str:
         """The robot file. What was written by hand stays as it was, comments included.
 
         A URDF or a MuJoCo model is named in it relative to where the robot was read from.
         """
-        return self._native.text
+        return self._inner.text
 
     def to_mjcf(self, path: PathLike | None = None) -> str:
         """The MuJoCo model with everything of the robot that MuJoCo has words for; also written to `path` if it is given.
@@ -78,10 +91,10 @@ class Robot:
         elif end == ".urdf":
             self.to_urdf(path)
         else:
-            self._native.save_robot_file(path)
+            self._inner.save_robot_file(path)
 
     def _written(self, format: str, path: PathLike | None, name: str) -> str:
-        text, notes = self._native.written(format, name if path is None else path)
+        text, notes = self._inner.written(format, name if path is None else path)
         for note in notes:
             warnings.warn(note, FormatWarning, stacklevel=3)
         if path is not None:
@@ -89,7 +102,7 @@ class Robot:
         return text
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _unpickled, (self._native.text, self._native.given)
+        return _unpickled, (self._inner.text, self._inner.given)
 
     def __repr__(self) -> str:
         return f"<Robot {self.name!r} with {', '.join(self.joints)}>"

@@ -77,13 +77,15 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// Attaches to the running instance of that name; also what it runs, and its robot.
+    /// Attaches to the running instance of that name; also what it runs, and its robot. The thread keeps off the loop's core from here
+    /// on.
     ///
     /// # Errors
     /// [`CliError::Input`] if none runs, or the relay has readers enough.
     pub fn attach(name: &str) -> Result<(Self, RunConfig, Robot), CliError> {
         let instance = Instance::new(name, user_id()).map_err(CliError::input)?;
         let run = running(&instance)?;
+        stay_off_the_loops_core(&run);
         let robot = robot::load(&run.robot).map_err(CliError::input)?;
         let feed = Self::join(instance, &run, robot.joints.len())?;
         Ok((feed, run, robot))

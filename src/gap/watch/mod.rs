@@ -147,16 +147,12 @@ fn along_recording(
 }
 
 /// A recording's columns in the robot's order.
-pub struct Rows<'a> {
+struct Rows<'a> {
     joints: Vec<Vec<(Signal, &'a [f64])>>,
 }
 
 impl<'a> Rows<'a> {
-    /// Of a recording of every joint of the robot.
-    ///
-    /// # Errors
-    /// [`CliError::Input`] if it lacks one.
-    pub fn of(recording: &'a Recording, robot: &Robot) -> Result<Self, CliError> {
+    fn of(recording: &'a Recording, robot: &Robot) -> Result<Self, CliError> {
         let columns = robot.joints.iter().map(|joint| {
             let columns = recording.joint(&joint.name).map_err(CliError::input)?;
             let signals = columns.signals.iter();
@@ -169,8 +165,7 @@ impl<'a> Rows<'a> {
         })
     }
 
-    /// One row, joint by joint.
-    pub fn read(&self, index: usize, row: &mut Vec<JointCycle>) {
+    fn read(&self, index: usize, row: &mut Vec<JointCycle>) {
         row.clear();
         row.extend(self.joints.iter().map(|columns| {
             let mut cell = JointCycle::default();

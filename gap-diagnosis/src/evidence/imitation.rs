@@ -1,0 +1,229 @@
+//! Smooth laws on no list that may stand for names: a set of names that only imitates one is taken back.
+//!
+//! Each law has a cost as a name has. Where the best set's names, or some of them, predict worse than the law beside the others, the
+//! others are what is told.
+
+use std::f64::consts::TAU;
+
+use super::remaining::{bent, braking, hats, since_reversal};
+use super::rows::Rows;
+use super::sums::dot;
+use super::{AMPLITUDE_NATS, Evidence, NAME_NATS, Names, Scored, Smooth};
+
+/// Parts of the recording between which something may have changed at once: half of what is left out in turn.
+const INSTANTS: usize = 20;
+/// Periods of a vibration in the recording, at least: with fewer it is a bend.
+const PERIODS_LEAST: f64 = 4.0;
+/// Part of the rate of rows below which a vibration is sought: they were filtered at half of that.
+const FASTEST: f64 = 0.4;
+
+/// Takes back those names of the best set whose part of the gap a smooth law explains better; sets with such a name are no more. Says whether
+/// a law explains something that the best set leaves. `counted`: a column of the rows as it counts in the evidence.
+pub fn take_back(
+    sets: &mut Vec<Scored>,
+    evidence: &Evidence,
+    rows: &Rows,
+    counted: impl Fn(&[f64]) -> Vec<f64>,
+) -> bool {
+    let best = sets[0].names;
+    // what every joint may have is not taken back
+    let usual = best & evidence.usual();
+    let fit = evidence.fit(usual);
+    let both = evidence.gap_nm().iter().zip(&fit.predicted_nm);
+    let rest_nm: Vec<f64> = both
+        .map(|(gap, predicted)| gap - predicted)
+        .take(rows.count())
+        .collect();
+    let mut laws = laws(rows, &rest_nm);
+    for column in laws.iter_mut().flat_map(|law| &mut law.columns) {
+        *column = counted(column);
+    }
+    let Some(told) = without_imitations(&evidence.with_smooth(best, &laws), best, usual) else {
+        return false;
+    };
+    let taken = best & !told;
+    if taken != 0 {
+        sets.retain(|set| set.names & taken == 0 && set.names != told);
+        sets.insert(0, evidence.scored(told));
+    }
+    true
+}
+
+/// The names of the best set that are told beside the law that explains most with them; none where no law is ahead of the names.
+fn without_imitations(evidence: &Evidence, best: Names, usual: Names) -> Option<Names> {
+    let others = best & !usual;
+    let known = evidence.scored(best).score;
+    let mut ahead: Option<(f64, Names)> = None;
+    for law in evidence.smooth() {
+        let mut subset = others;
+        loop {
+            let score = evidence.scored(subset | usual | law).score;
+            if score > known && ahead.is_none_or(|(most, _)| score > most) {
+                ahead = Some((score, subset | usual));
+            }
+            if subset == 0 {
+                break;
+            }
+            subset = (subset - 1) & others;
+        }
+    }
+    ahead.map(|(_, names)| names)
+}
+
+/// Laws over time, position, speed and the time since a reversal that no name on the list is. The other joints' motion is not among them:
+/// where joints move together it stands for any law of this one.
+fn laws(rows: &Rows, rest_nm: &[f64]) -> Vec<Smooth> {
+    let braking = |columns| braking(columns, &rows.velocity_rad_s);
+    let over_position = hats(&rows.position_rad);
+    let speed_rad_s: Vec<f64> = rows.velocity_rad_s.iter().map(|v| v.abs()).collect();
+    let families = [
+        since_reversal(rows),
+        bent(&rows.time_s),
+        braking(over_position.clone()),
+        over_position,
+        braking(hats(&speed_rad_s)),
+    ];
+    // all columns together are Coulomb friction, a constant is an offset
+    let families = families
+        .into_iter()
+        .map(|columns| (columns.into_iter().skip(1).collect::<Vec<_>>(), 0.0));
+    let jumps = jumps(&rows.time_s);
+    let among = (2.0 * jumps.len() as f64).ln();
+    let jumps = braking(jumps.clone()).into_iter().chain(jumps);
+    families
+        .chain(jumps.map(|jump| (vec![jump], among)))
+        .chain(vibration(&rows.time_s, rest_nm))
+        .filter(|(columns, _)| !columns.is_empty())
+        .map(|(columns, among)| Smooth {
+            cost: NAME_NATS + among + AMPLITUDE_NATS * (columns.len() - 1) as f64,
+            columns,
+        })
+        .collect()
+}
+
+/// Ones from some instant on, for instants all over the time.
+fn jumps(time_s: &[f64]) -> Vec<Vec<f64>> {
+    let Some((first_s, last_s)) = time_s.first().zip(time_s.last()) else {
+        return Vec::new();
+    };
+    (1..INSTANTS)
+        .map(|k| {
+            let at_s = first_s + (last_s - first_s) * k as f64 / INSTANTS as f64;
+            let after = time_s.iter().map(|t| f64::from(u8::from(*t >= at_s)));
+            after.collect()
+        })
+        .collect()
+}
+
+/// The wave over time that shows most in a rest, with the logarithm of how many there are.
+fn vibration(time_s: &[f64], rest_nm: &[f64]) -> Option<(Vec<Vec<f64>>, f64)> {
+    let whole_s = time_s.last()? - time_s.first()?;
+    let rows_hz = (time_s.len() - 1) as f64 / whole_s;
+    let waves = |hz: f64| {
+        [f64::sin, f64::cos].map(|of| {
+            let angles = time_s.iter().map(|t| of(TAU * hz * t));
+            angles.collect::<Vec<f64>>()
+        })
+    };
+    let power = |hz: f64| {
+        let waves = waves(hz);
+        waves
+            .iter()
+            .map(|wave| dot(wave, rest_nm).powi(2))
+            .sum::<f64>()
+    };
+    // half a line apart, so that none is missed
+    let first = (2.0 * PERIODS_LEAST) as usize;
+    let last = (2.0 * FASTEST * rows_hz * whole_s) as usize;
+    let all = (first..last).map(|k| 0.5 * k as f64 / whole_s);
+    let most = all
+        .map(|hz| (power(hz), hz))
+        .max_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some((waves(most.1).to_vec(), (last as f64).ln()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evidence::{Item, Problem, Span};
+
+    const ROWS: usize = 1000;
+
+    fn noise(seed: u64) -> Vec<f64> {
+        let mut random = crate::signal::random::uniform(seed);
+        (0..ROWS).map(|_| random() - 0.5).collect()
+    }
+
+    /// A joint that swings, with friction that is less or more by these, row by row.
+    fn told(friction_nm: impl Fn(f64, f64) -> f64) -> (bool, Names) {
+        let time_s: Vec<f64> = (0..ROWS).map(|k| 0.02 * k as f64).collect();
+        let position_rad: Vec<f64> = time_s
+            .iter()
+            .map(|t| (1.3 * t).sin() + 0.4 * (2.9 * t).sin())
+            .collect();
+        let velocity_rad_s: Vec<f64> = time_s
+            .iter()
+            .map(|t| 1.3 * (1.3 * t).cos() + 1.16 * (2.9 * t).cos())
+            .collect();
+        let gap_nm: Vec<f64> = (0..ROWS)
+            .map(|k| {
+                friction_nm(time_s[k], position_rad[k]) * velocity_rad_s[k].signum()
+                    + 0.1 * noise(5)[k]
+            })
+            .collect();
+        let rows = Rows {
+            time_s,
+            since_reversal_s: vec![0.0; ROWS],
+            measured_nm: gap_nm.clone(),
+            nominal_nm: vec![0.0; ROWS],
+            load_nm: vec![0.0; ROWS],
+            position_rad,
+            velocity_rad_s,
+        };
+        // friction that grows with time, and with the angle
+        let drift: Vec<f64> = (0..ROWS)
+            .map(|k| rows.time_s[k] * rows.velocity_rad_s[k].signum())
+            .collect();
+        let slope: Vec<f64> = (0..ROWS)
+            .map(|k| rows.position_rad[k] * rows.velocity_rad_s[k].signum())
+            .collect();
+        let columns = [vec![drift], vec![slope]];
+        let items = [0, 1].map(|kind| Item {
+            kind,
+            cost: NAME_NATS,
+            deviation: None,
+            is_usual: false,
+            columns: &columns[kind],
+        });
+        let evidence = Evidence::of(&Problem {
+            gap_nm: &gap_nm,
+            spans: &[Span {
+                rows: 0..ROWS,
+                floor_nm: 0.01,
+            }],
+            items: &items,
+            tolerated: &[],
+            inexact: 0.0,
+            shared: None,
+        });
+        let mut sets = evidence.best(|_| true);
+        let is_law = take_back(&mut sets, &evidence, &rows, <[f64]>::to_vec);
+        (is_law, sets[0].names)
+    }
+
+    #[test]
+    fn a_law_that_is_named_is_not_taken_back() {
+        assert_eq!(told(|t, _| 0.1 * t).1, 1);
+        assert_eq!(told(|_, q| q).1, 2);
+    }
+
+    #[test]
+    fn friction_that_jumps_is_no_drift() {
+        assert_eq!(told(|t, _| if t < 11.0 { 0.0 } else { 1.0 }), (true, 0));
+    }
+
+    #[test]
+    fn friction_near_one_angle_does_not_grow_with_it() {
+        assert_eq!(told(|_, q| (-((q - 0.5) / 0.2).powi(2)).exp()), (true, 0));
+    }
+}

@@ -1,0 +1,67 @@
+"""An instance that runs, seen from Python."""
+
+import os
+import signal
+import subprocess
+import sysconfig
+import time
+
+import numpy as np
+import pytest
+
+import flexspline as fx
+
+COMMAND = sysconfig.get_path("scripts") + "/flexspline"
+
+
+@pytest.fixture
+def instance():
+    """A run of its own in real time on the emulator; slow, for machines that are busy."""
+    name = f"python-{os.getpid()}"
+    arguments = ["run", "--instance", name, "--robot", "shd17", "--duration", "60s"]
+    run = subprocess.Popen([COMMAND, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    for _ in range(200):
+        if run.poll() is not None:
+            pytest.skip(f"this machine cannot run an instance: {run.stderr.read().strip()}")
+        try:
+            fx.attach(name).close()
+            break
+        except fx.InputError:
+            time.sleep(0.1)
+    yield name, run
+    run.terminate()
+    run.wait(30)
+
+
+def test_rows_come_as_long_as_it_runs(instance):
+    name, run = instance
+    with fx.attach(name) as attached:
+        assert attached.joints == ["joint1"]
+        taken = []
+        for rows in attached:
+            taken.append(rows)
+            if sum(map(len, taken)) > 200:
+                break
+        rows = np.concatenate(taken)
+        assert np.all(np.diff(rows["cycle"].astype(np.int64)) > 0)
+        assert np.allclose(np.diff(rows["time_s"]), np.diff(rows["cycle"].astype(float)) / attached.sample_rate_hz)
+        assert rows["motor_position_rad"].shape == (len(rows), 1)
+        assert np.isfinite(rows["motor_position_rad"]).all()
+        assert attached.robot.joints == ["joint1"]
+        assert attached.lost == 0
+    for _ in range(20):
+        with fx.attach(name) as attached:
+            assert len(next(iter(attached)))
+    with fx.attach(name) as attached:
+        batches = iter(attached)
+        assert next(batches)["cycle"][0] > rows["cycle"][-1]
+        run.send_signal(signal.SIGINT)
+        for _ in batches:
+            pass
+    with pytest.raises(fx.InputError, match="is running"):
+        fx.attach(name)
+
+
+def test_nobody_there_is_said():
+    with pytest.raises(fx.InputError, match="no instance `nobody` is running"):
+        fx.attach("nobody")
