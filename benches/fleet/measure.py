@@ -84,9 +84,7 @@ def main():
     options.add_argument("--workers", type=int, default=2)
     options.add_argument("--recordings", type=int, help="only so many, by day")
     options.add_argument("--skip", type=int, default=0, help="without the first so many, by day [0]")
-    options.add_argument(
-        "--out", required=True, type=pathlib.Path, help="folder of the dataset; what is there already is not counted"
-    )
+    options.add_argument("--out", required=True, type=pathlib.Path, help="dataset; what is there already is not counted")
     given = options.parse_args()
     recordings = sorted((given.fleet / "recordings").glob("*/*.mcap"), key=lambda path: (path.name, path.parent.name))
     recordings = recordings[given.skip :][: given.recordings]

@@ -15,6 +15,7 @@ import json
 import os
 import socket
 import time
+from typing import Any
 from urllib.parse import quote
 
 import fsspec
@@ -91,22 +92,24 @@ class Dataset:
         """Paths of recordings that were set aside, likewise."""
         return self._by_key("set_aside", ".json")
 
-    def read_set_aside(self) -> list[dict]:
+    def read_set_aside(self) -> list[dict[str, Any]]:
         """What was set aside and why, by recording."""
         found = [json.loads(self.fs.cat_file(path)) for keys in self.set_aside().values() for path in keys.values()]
         return sorted(found, key=lambda entry: entry["recording"])
 
     def read(self) -> pa.Table:
         """All rows, with the column `robot` of the folders' names."""
+        # a worker reads nothing, and need not import it
+        from pyarrow import dataset
+
         folder = f"{self.root}/effects"
         # what another process has written since is not in the cache of an object store
         self.fs.invalidate_cache()
         if not self.results():
             raise ValueError(f"{self.url}: no results, neither diagnosed nor in {folder}; run fleet.diagnose first")
-        # a worker reads nothing
 
-        partitioning = pa.dataset.partitioning(pa.schema([("robot", pa.string())]), flavor="hive")
-        return pa.dataset.dataset(
+        partitioning = dataset.partitioning(pa.schema([("robot", pa.string())]), flavor="hive")
+        return dataset.dataset(
             folder,
             filesystem=self.fs,
             format="parquet",
@@ -114,13 +117,13 @@ class Dataset:
             partitioning=partitioning,
         ).to_table()
 
-    def write(self, robot: str, key: str, rows: list[dict]) -> None:
+    def write(self, robot: str, key: str, rows: list[dict[str, Any]]) -> None:
         """Writes the rows of one recording, whole or not at all."""
         buffer = io.BytesIO()
         pa.parquet.write_table(pa.Table.from_pylist(rows, schema=SCHEMA), buffer, compression="zstd")
         self._put(f"{self.root}/effects/robot={quote(robot, safe='')}", f"{key}.parquet", buffer.getvalue())
 
-    def write_set_aside(self, kind: str, key: str, what: dict) -> None:
+    def write_set_aside(self, kind: str, key: str, what: dict[str, Any]) -> None:
         """Writes down that a recording was set aside."""
         self._put(f"{self.root}/set_aside/{kind}", f"{key}.json", json.dumps(what, indent=1).encode())
 
