@@ -265,6 +265,7 @@ fn bench(random: &mut Random) -> RobotFile {
         torque_tables: Vec::new(),
         estimators: None,
         drive: None,
+        friction_is_a_simulators: false,
         effects: sizes.effects(random),
     };
     RobotFile {

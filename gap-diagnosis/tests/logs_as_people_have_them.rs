@@ -251,6 +251,20 @@ fn a_reversed_torque_is_told_and_not_used() {
 }
 
 #[test]
+fn a_torque_in_another_unit_is_told() {
+    let log = plain();
+    let time_s = log.time_s.clone();
+    let mut signals = as_recorded(log);
+    signals[3].1.iter_mut().for_each(|nm| *nm *= 0.35);
+    // friction that was measured is smaller by the same part as what masses need
+    let file = robot(
+        "effects = [{ effect = \"coulomb_friction\", coulomb_nm = 3.0 }, { effect = \"viscous_friction\", viscous_nm_s_rad = 2.0 }]",
+    );
+    let report = told(&file, recording(time_s, signals));
+    warns(&report, "times what the file's masses and friction need");
+}
+
+#[test]
 fn a_models_torque_in_the_commands_place_is_told_and_left_alone() {
     let log = plain();
     let time_s = log.time_s.clone();

@@ -183,12 +183,14 @@ impl RobotJoint {
         if self.rotor_inertia_kg_m2 == 0.0 {
             self.rotor_inertia_kg_m2 = known.rotor_inertia_kg_m2 * ratio.powi(2);
         }
-        let stated = |effect: &Effect| {
-            let is_friction = matches!(
+        let is_friction = |effect: &Effect| {
+            matches!(
                 effect,
                 Effect::CoulombFriction { .. } | Effect::ViscousFriction { .. }
-            );
-            (is_friction && self.direction_friction.is_some())
+            )
+        };
+        let stated = |effect: &Effect| {
+            (is_friction(effect) && self.direction_friction.is_some())
                 || self.effects.iter().any(|own| own.name() == effect.name())
         };
         let added: Vec<Effect> = known
@@ -198,6 +200,8 @@ impl RobotJoint {
             .copied()
             .collect();
         self.effects.extend(added);
+        let mut described = known.effects.iter().filter(|effect| is_friction(effect));
+        self.friction_is_a_simulators = described.any(|effect| self.effects.contains(effect));
     }
 }
 

@@ -216,6 +216,9 @@ pub struct RobotJoint {
     /// What the nominal model already knows.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub effects: Vec<Effect>,
+    /// Whether Coulomb or viscous friction is what a URDF or a MuJoCo model says: settings of a simulator, which nobody measured.
+    #[serde(skip)]
+    pub friction_is_a_simulators: bool,
 }
 
 impl RobotJoint {
@@ -243,6 +246,7 @@ impl RobotJoint {
             estimators: None,
             drive: None,
             effects: Vec::new(),
+            friction_is_a_simulators: false,
         }
     }
 }

@@ -7,7 +7,8 @@ use crate::closed_loop::respond::Linear;
 use crate::closed_loop::search::{Model, Search, Term, difference};
 use crate::effects::Hypothesis;
 use crate::evidence::{
-    AMPLITUDE_NATS, Evidence, Fit, ITEMS_MAX, Item, Message, NAME_NATS, Names, Problem, Span,
+    AMPLITUDE_NATS, Evidence, Fit, ITEMS_MAX, Item, Message, NAME_NATS, Names, Presupposed,
+    Problem, Span,
 };
 use crate::on_all_cores::OnAllCores;
 
@@ -273,6 +274,7 @@ impl About {
             .map(|response| Item {
                 kind: response.kind,
                 cost: response.cost,
+                presupposed: Presupposed::NOTHING,
                 deviation: Some(response.term.hypothesis.plausible_steps()),
                 is_usual: USUAL.contains(&response.term.hypothesis.effect),
                 columns: &response.columns,

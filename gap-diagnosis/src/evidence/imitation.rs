@@ -145,7 +145,7 @@ fn vibration(time_s: &[f64], rest_nm: &[f64]) -> Option<(Vec<Vec<f64>>, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evidence::{Item, Problem, Span};
+    use crate::evidence::{Item, Presupposed, Problem, Span};
 
     const ROWS: usize = 1000;
 
@@ -191,6 +191,7 @@ mod tests {
         let items = [0, 1].map(|kind| Item {
             kind,
             cost: NAME_NATS,
+            presupposed: Presupposed::NOTHING,
             deviation: None,
             is_usual: false,
             columns: &columns[kind],

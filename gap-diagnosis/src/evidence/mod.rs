@@ -47,6 +47,23 @@ pub type Names = u128;
 /// Items at most.
 pub const ITEMS_MAX: usize = 128;
 
+/// Names without which another is less to be expected.
+#[derive(Clone, Copy, Debug)]
+pub struct Presupposed {
+    /// Their items.
+    pub names: Names,
+    /// What each costs where it is missing, in nats.
+    pub nats: f64,
+}
+
+impl Presupposed {
+    /// No name.
+    pub const NOTHING: Self = Self {
+        names: 0,
+        nats: 0.0,
+    };
+}
+
 /// Something that may be named.
 #[derive(Clone, Copy, Debug)]
 pub struct Item<'a> {
@@ -54,6 +71,8 @@ pub struct Item<'a> {
     pub kind: usize,
     /// What naming it costs, in nats.
     pub cost: f64,
+    /// Without which it costs more.
+    pub presupposed: Presupposed,
     /// Standard deviation of its amplitudes, where something is known of them before anything is seen.
     pub deviation: Option<f64>,
     /// Whether every joint may have it.
@@ -112,6 +131,7 @@ pub struct Evidence {
     kinds: Vec<usize>,
     /// Of each item and each smooth law.
     costs: Vec<f64>,
+    presupposed: Vec<Presupposed>,
     deviations: Vec<Option<f64>>,
     usual: Names,
     /// Columns of each item.
@@ -219,6 +239,7 @@ impl Evidence {
         let mut evidence = Self {
             kinds: self.kinds.clone(),
             costs,
+            presupposed: self.presupposed.clone(),
             deviations: self.deviations.clone(),
             usual: self.usual,
             own,
@@ -278,6 +299,7 @@ impl Evidence {
         Self {
             kinds: problem.items.iter().map(|item| item.kind).collect(),
             costs: problem.items.iter().map(|item| item.cost).collect(),
+            presupposed: problem.items.iter().map(|item| item.presupposed).collect(),
             deviations: problem.items.iter().map(|item| item.deviation).collect(),
             usual: (0..problem.items.len())
                 .filter(|index| problem.items[*index].is_usual)
@@ -515,11 +537,13 @@ impl Evidence {
 
     /// What a set costs.
     pub fn cost(&self, names: Names) -> f64 {
+        let is_named = |place: usize| names & (1 << place) != 0;
         let costs = self.costs.iter().enumerate();
-        costs
-            .filter(|(index, _)| names & (1 << index) != 0)
-            .map(|(_, cost)| cost)
-            .sum()
+        let own = costs.filter(|(place, _)| is_named(*place));
+        let presupposed = self.presupposed.iter().enumerate();
+        let missing = presupposed.filter(|(place, _)| is_named(*place));
+        let missing = missing.map(|(_, of)| f64::from((of.names & !names).count_ones()) * of.nats);
+        own.map(|(_, cost)| cost).sum::<f64>() + missing.sum::<f64>()
     }
 
     /// One set's score.
@@ -738,8 +762,18 @@ impl Evidence {
     /// All sets that `is_possible` that are not far behind the best: first what is told, then the best first. There is always one: no name.
     /// It is what is told unless the odds against it are those that a name costs.
     pub fn best(&self, is_possible: impl Fn(&Fit) -> bool) -> Vec<Scored> {
+        self.possible(self.ranked(), is_possible)
+    }
+
+    /// All sets, the best first, whether possible or not.
+    pub fn ranked(&self) -> Vec<Scored> {
         let mut all = self.sets();
         all.sort_by(|a, b| b.score.total_cmp(&a.score));
+        all
+    }
+
+    /// [`best`](Self::best) of all that are [`ranked`](Self::ranked).
+    pub fn possible(&self, all: Vec<Scored>, is_possible: impl Fn(&Fit) -> bool) -> Vec<Scored> {
         let mut kept: Vec<Scored> = Vec::new();
         for scored in all {
             if let Some(best) = kept.first()
@@ -892,6 +926,7 @@ mod tests {
         Item {
             kind,
             cost: NAME_NATS,
+            presupposed: Presupposed::NOTHING,
             deviation: None,
             is_usual: false,
             columns,

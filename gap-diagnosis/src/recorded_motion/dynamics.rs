@@ -265,6 +265,7 @@ pub struct Drive {
     known: Vec<KnownValue>,
     /// The sensor lies behind rotor and gear.
     feels_rotor: bool,
+    friction_is_a_simulators: bool,
 }
 
 impl Drive {
@@ -275,6 +276,7 @@ impl Drive {
             known: known::of_joint(&model, &robot.tolerance, None),
             model,
             feels_rotor: source != TorqueSource::Sensor,
+            friction_is_a_simulators: robot.joints[joint].friction_is_a_simulators,
         }
     }
 
@@ -283,11 +285,12 @@ impl Drive {
         &self.model
     }
 
-    /// Whether the file states no friction.
-    pub fn is_smooth(&self) -> bool {
+    /// Whether nobody measured the joint's friction: the file states none, or a description for simulators does.
+    pub fn rubs_unmeasured(&self) -> bool {
         let friction = &self.model.friction;
         let at = Sliding::at(1.0);
-        friction.level_nm(&at) == 0.0 && friction.fluid_drag_nm(1.0) == 0.0
+        let is_smooth = friction.level_nm(&at) == 0.0 && friction.fluid_drag_nm(1.0) == 0.0;
+        is_smooth || self.friction_is_a_simulators
     }
 
     /// Dry friction that the file states at a speed.

@@ -8,7 +8,7 @@ use robot::Effect;
 
 use super::motion::JointMotion;
 use crate::evidence::told::{self, Called};
-use crate::evidence::{AMPLITUDE_NATS, Fit, NAME_NATS};
+use crate::evidence::{AMPLITUDE_NATS, Fit, NAME_NATS, Presupposed};
 use crate::report::Parameter;
 use crate::twin::joint::JointModel;
 
@@ -16,9 +16,9 @@ use crate::twin::joint::JointModel;
 /// viscous friction's.
 const STRIBECK_PARTS: [f64; 3] = [0.05, 0.15, 0.4];
 /// True over nominal torque within this: what is off by more is another unit, side or sign, which the checks of a recording find.
-const GAIN: [f64; 2] = [0.5, 2.0];
-/// What Coulomb and viscous friction cost less where the file states no friction at all, in nats: every joint rubs, and it is the odds
-/// of a cause nobody expects that a name costs.
+pub const GAIN: [f64; 2] = [0.5, 2.0];
+/// What Coulomb and viscous friction cost less where nobody measured a joint's friction, in nats: every joint rubs, and it is the odds
+/// of a cause nobody expects that a name costs. A law that corrects one of them costs as much more where that one is not named.
 const EXPECTED_NATS: f64 = 2.0;
 /// Cost of a freedom, in nats.
 const FREEDOM_NATS: f64 = 0.5;
@@ -122,7 +122,29 @@ impl Law {
         }
     }
 
-    /// What naming it costs, in nats. `expects_friction`: whether the file states none.
+    /// Laws that it corrects: without them it is one by longer odds where nobody measured them (effect heredity; Chipman, Bayesian
+    /// variable selection with related predictors, Canadian Journal of Statistics 24 (1996) 17-36).
+    fn corrects(self) -> &'static [Self] {
+        match self {
+            Self::Stribeck(_) => &[Self::Coulomb, Self::Viscous],
+            Self::Quadratic => &[Self::Viscous],
+            Self::Asymmetric => &[Self::Coulomb],
+            _ => &[],
+        }
+    }
+
+    /// What it presupposes among all of a joint's laws where nobody measured its friction: places, and nats for each that is missing.
+    pub fn presupposes(self, all: impl Iterator<Item = Self>) -> Presupposed {
+        let places = all
+            .enumerate()
+            .filter(|(_, law)| self.corrects().contains(law));
+        Presupposed {
+            names: places.fold(0, |names, (place, _)| names | 1 << place),
+            nats: EXPECTED_NATS,
+        }
+    }
+
+    /// What naming it costs, in nats. `expects_friction`: whether nobody measured the joint's.
     pub fn cost(self, expects_friction: bool) -> f64 {
         let is_expected = expects_friction && matches!(self, Self::Coulomb | Self::Viscous);
         NAME_NATS - if is_expected { EXPECTED_NATS } else { 0.0 }

@@ -32,9 +32,11 @@ use crate::report::{
 };
 use crate::signal::band::COMPARED_HZ;
 
-use crate::evidence::{Evidence, Fit, Item, Message, Problem, Scored, Span};
+use crate::evidence::{
+    Evidence, Fit, Item, Message, NAME_NATS, Presupposed, Problem, Scored, Span,
+};
 use dynamics::{Drive, Torques};
-use laws::Laws;
+use laws::{Law, Laws};
 use motion::{Piece, Read};
 use rows::JointRows;
 use signals::TorqueSource;
@@ -57,6 +59,8 @@ struct Joint {
 struct Searched {
     evidence: Evidence,
     sets: Vec<Scored>,
+    /// The best set, possible or not.
+    first: Scored,
     /// Whether a smooth law on no list explains something that the names leave.
     leaves_a_law: bool,
 }
@@ -108,10 +112,10 @@ pub fn diagnose(
             said = self::said(robot, &joints, &searched, None, materiality);
         }
         let mut of_shared = BTreeMap::new();
-        let mut told = joints.iter().zip(said).peekable();
+        let mut told = joints.iter().zip(&searched).zip(said).peekable();
         for (index, file) in robot.joints.iter().enumerate() {
-            let next = told.next_if(|(joint, _)| joint.index == index);
-            let Some((joint, said)) = next else {
+            let next = told.next_if(|((joint, _), _)| joint.index == index);
+            let Some(((joint, searched), said)) = next else {
                 let why = usable.against[index].clone();
                 let why = why.unwrap_or_else(|| "too few rows without a hole".to_owned());
                 report.joints.push(insufficient(&file.name, why));
@@ -126,6 +130,9 @@ pub fn diagnose(
                 of_shared.insert(file.name.clone(), share);
             }
             report.data.extend(joint.notes(&file.name));
+            report
+                .data
+                .extend(joint.note_of_scale(&file.name, &searched.alone));
             traces.push(traces_of(&file.name, &joint.rows, &said.fit));
             report.joints.push(said.report);
         }
@@ -258,11 +265,16 @@ fn joints(robot: &Robot, read: &[Read], pieces: &[Piece]) -> Result<Vec<Joint>, 
 
 impl Joint {
     fn items(&self) -> Vec<Item<'_>> {
-        let expects_friction = self.drive.is_smooth();
+        let expects_friction = self.drive.rubs_unmeasured();
         let laws = self.rows.laws.iter();
         laws.map(|(law, columns)| Item {
             kind: law.kind(),
             cost: law.cost(expects_friction),
+            presupposed: if expects_friction {
+                law.presupposes(self.rows.laws.iter().map(|(law, _)| *law))
+            } else {
+                Presupposed::NOTHING
+            },
             deviation: law.deviation(),
             is_usual: law.is_usual(),
             columns,
@@ -300,10 +312,13 @@ impl Joint {
 
     fn searched(&self, shared: Option<&Prior>) -> Searched {
         let evidence = self.evidence(shared, Evidence::of);
-        let sets = evidence.best(|fit| self.is_possible(fit));
+        let ranked = evidence.ranked();
+        let first = ranked[0];
+        let sets = evidence.possible(ranked, |fit| self.is_possible(fit));
         Searched {
             evidence,
             sets,
+            first,
             leaves_a_law: false,
         }
     }
@@ -329,6 +344,38 @@ impl Joint {
             |velocity_rad_s| model.friction.drag_nm(velocity_rad_s, 0.0, 0.0, 0.0),
             rows.speed_rad_s,
         )
+    }
+
+    /// A torque that is a part or a multiple of what the joint needs, beyond what a torque constant can be off, if that explains more than
+    /// any names that can be.
+    fn note_of_scale(&self, name: &str, searched: &Searched) -> Option<DataFinding> {
+        let Searched {
+            evidence, first, ..
+        } = searched;
+        let ahead_nats = first.score - searched.sets[0].score;
+        if ahead_nats < NAME_NATS {
+            return None;
+        }
+        let fit = evidence.fit(first.names);
+        let mut values = fit.amplitudes.iter();
+        let (_, scaled) =
+            values.find(|(item, _)| self.rows.laws[*item].0 == Law::TorqueConstant)?;
+        let part = 1.0 + scaled.first()?;
+        if (laws::GAIN[0]..laws::GAIN[1]).contains(&part.recip()) {
+            return None;
+        }
+        let signal = self.source.signal_name();
+        Some(DataFinding {
+            joint: Some(name.to_owned()),
+            severity: "warning".to_owned(),
+            what: format!(
+                "{signal} is {part:.2} times what the file's masses and friction need, by {ahead_nats:.0} nats a better explanation than any that \
+                 is told; no torque constant is so far off"
+            ),
+            remedy: format!(
+                "in the mapping file, [joint.{name}], {signal}: check its scale (amperes, per cent, gear side)"
+            ),
+        })
     }
 
     /// What a reader should know of where the torque comes from.
