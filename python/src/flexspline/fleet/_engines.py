@@ -41,7 +41,7 @@ def by_name(name: str, work: Callable, workers: int | None) -> Engine:
     """Starts an engine, or joins the one this process is connected to."""
     if workers is not None and workers < 1:
         raise ValueError(f"workers: {workers}, at least 1 is needed")
-    engines = {"local": Local, "ray": Ray, "dask": Dask}
+    engines: dict[str, Callable[..., Engine]] = {"local": Local, "ray": Ray, "dask": Dask}
     if name not in engines:
         raise ValueError(f"engine: `{name}` is none of {', '.join(engines)}")
     try:

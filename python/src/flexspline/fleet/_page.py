@@ -252,9 +252,9 @@ def _forest(robots: pl.DataFrame, fleet: dict) -> str:
         y = top + line * index
         colour = "#c8590b" if row["unlike"] else "#27476e"
         name, told = escape(row["robot"]), escape(_value(row["value"], row["parameter"]))
-        ends = x(row["value"] - 1.96 * row["std"]), x(row["value"] + 1.96 * row["std"])
+        begin, end = x(row["value"] - 1.96 * row["std"]), x(row["value"] + 1.96 * row["std"])
         parts.append(f"<text x='{left - 8}' y='{y + 4}' text-anchor='end' fill='{colour}'>{name}</text>")
-        parts.append(f"<line x1='{ends[0]:.1f}' x2='{ends[1]:.1f}' y1='{y}' y2='{y}' stroke='{colour}'/>")
+        parts.append(f"<line x1='{begin:.1f}' x2='{end:.1f}' y1='{y}' y2='{y}' stroke='{colour}'/>")
         parts.append(f"<circle cx='{x(row['value']):.1f}' cy='{y}' r='2.5' fill='white' stroke='{colour}'/>")
         if row["shrunk"] is not None:
             parts.append(f"<circle cx='{x(row['shrunk']):.1f}' cy='{y}' r='3.5' fill='{colour}'/>")

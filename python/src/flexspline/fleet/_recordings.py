@@ -180,9 +180,9 @@ def _instant(given: Any, address: str) -> datetime.datetime | None:
         found = DATE.search(address.rsplit("/", 1)[-1])
         if not found:
             return None
-        numbers = [int(number) for number in found.groups(default="0")]
+        year, month, day, hour, minute, second = (int(number) for number in found.groups(default="0"))
         try:
-            return datetime.datetime(*numbers, tzinfo=datetime.timezone.utc)
+            return datetime.datetime(year, month, day, hour, minute, second, tzinfo=datetime.timezone.utc)
         except ValueError:  # digits that are no date
             return None
     if isinstance(given, str):

@@ -255,7 +255,7 @@ def effect_rows(subject: Subject, rate: float) -> list[tuple]:
     for amount in subject.amounts:
         fleet, line = subject.fleet(amount), amount.fleet_slope
         mean = (None,) * 4 if fleet is None else (fleet.value, *fleet.interval(), fleet.spread)
-        drift = (None,) * 4
+        drift: tuple = (None,) * 4
         if line is not None:
             drift = (line.value, *line.interval(), float(subject.q["fleet drift", amount.name][0]))
         counts = (len(subject.robots), int(subject.has.sum()), int(subject.named.sum()), int(subject.of.sum()))

@@ -100,7 +100,8 @@ def summary(dataset: str | os.PathLike[str], *, over: str = "date", rate: float 
     if not 0.0 < rate < 1.0:
         raise ValueError(f"rate: {rate}, it must be between 0 and 1")
     results = Dataset(dataset)
-    return of_rows(pl.from_arrow(results.read()), over=over, rate=rate, set_aside=results.read_set_aside())
+    rows = pl.DataFrame(results.read())
+    return of_rows(rows, over=over, rate=rate, set_aside=results.read_set_aside())
 
 
 def of_rows(rows: pl.DataFrame, *, over: str = "date", rate: float = RATE, set_aside: list[dict] | None = None) -> Summary:
