@@ -82,8 +82,9 @@ def digest(data: bytes) -> str:
 
 def mapping_address(address: str) -> str | None:
     """Where a log's mapping file would be. An MCAP recording needs none."""
-    stem, dot, ending = address.rpartition(".")
-    return f"{stem}.mapping.toml" if dot and ending.lower() != "mcap" else None
+    inner, chained, archive = address.partition("::")
+    stem, dot, ending = inner.rpartition(".")
+    return f"{stem}.mapping.toml{chained}{archive}" if dot and ending.lower() != "mcap" else None
 
 
 class _RobotFiles:
@@ -146,9 +147,9 @@ def _expand(recording: Address) -> list[tuple[str, dict]]:
     if not any(sign in path for sign in "*?["):
         if not fs.exists(path):
             raise FileNotFoundError(f"{address}: no such recording")
-        return [(_address(fs, path), fs.info(path))]
+        return [(_address(fs, path, address), fs.info(path))]
     found = fs.glob(path, detail=True)
-    files = [(_address(fs, name), info) for name, info in sorted(found.items()) if info["type"] == "file"]
+    files = [(_address(fs, name, address), info) for name, info in sorted(found.items()) if info["type"] == "file"]
     if not files:
         raise FileNotFoundError(f"{address}: no recording matches")
     return files
@@ -166,18 +167,22 @@ def _version(info: Mapping[str, Any]) -> list[str]:
     return [f"{key}={info[key]}" for key in VERSION_KEYS if key in info]
 
 
-def _address(fs: fsspec.AbstractFileSystem, path: str) -> str:
-    return path if isinstance(fs, LocalFileSystem) else fs.unstrip_protocol(path)
+def _address(fs: fsspec.AbstractFileSystem, path: str, given: str) -> str:
+    if isinstance(fs, LocalFileSystem):
+        return path
+    # inside an archive: where the archive is follows
+    _, chained, archive = given.partition("::")
+    return f"{fs.unstrip_protocol(path)}{chained}{archive}"
 
 
 def _folder(address: str) -> str:
-    parts = address.replace("::", "/").split("/")
+    parts = address.partition("::")[0].split("/")
     return parts[-2] if len(parts) > 1 and parts[-2] else "robot"
 
 
 def _instant(given: Any, address: str) -> datetime.datetime | None:
     if given is None or given != given:
-        found = DATE.search(address.rsplit("/", 1)[-1])
+        found = DATE.search(address.partition("::")[0].rsplit("/", 1)[-1])
         if not found:
             return None
         year, month, day, hour, minute, second = (int(number) for number in found.groups(default="0"))
