@@ -4,7 +4,6 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use gap_diagnosis::effects::stage::Stage;
 use motion::Trajectory;
 use plant_emulator::PlantParameters;
 use robot::{Effect, Injection, Robot};
@@ -448,7 +447,7 @@ impl<'a> Stand<'a> {
         TrueEffect {
             joint: on.map(|joint| self.rig.robot.joints[joint].name.clone()),
             effect,
-            stage: Stage::of(effect.name()),
+            stage: effect.kind().stage(),
             gap_to_noise: 0.0,
             equivalents: equivalents(&effect, kind)
                 .iter()

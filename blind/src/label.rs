@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use gap_diagnosis::effects::stage::Stage;
 use robot::Effect;
+use robot::Stage;
 use serde::{Deserialize, Serialize};
 
 use crate::rig::RigKind;

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use joint_model::filter::FilterError;
+use crate::twin::TwinError;
 use nalgebra::{DMatrix, DVector};
 use recording::Recording;
 use robot::Robot;
@@ -65,7 +65,7 @@ pub fn baseline(
             let about = closed_loop::about_the_file(&search)?;
             Ok(told(name, &search, choices(&about, method)))
         })
-        .collect::<Result<Vec<_>, FilterError>>()?;
+        .collect::<Result<Vec<_>, TwinError>>()?;
     Ok(report)
 }
 
@@ -87,7 +87,7 @@ fn choices(about: &About, method: Baseline) -> Vec<Choice> {
             let (hypothesis, own) = (&response.term.hypothesis, &response.columns);
             let (left, amplitudes) = least_squares(beside, own, &target);
             Choice {
-                effect: hypothesis.effect,
+                effect: hypothesis.name(),
                 score: match method {
                     Baseline::LargestR2 => 1.0 - left / without.max(1e-300),
                     Baseline::Bic => bic(left, beside.len() + own.len() + hypothesis.shape.len()),

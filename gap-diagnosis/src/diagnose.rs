@@ -12,6 +12,7 @@ use crate::on_all_cores::OnAllCores;
 use crate::report::{
     Candidate, DataFinding, Gap, JointReport, Remaining, Report, SCHEMA, TwinKind, Verdict, Where,
 };
+use crate::twin::TwinError;
 use crate::twin::control;
 use crate::twin::stretch::StretchError;
 
@@ -21,12 +22,18 @@ pub enum DiagnoseError {
     /// The recordings cannot be cut into stretches.
     #[error(transparent)]
     Stretch(#[from] StretchError),
-    /// A filter cannot be designed.
-    #[error("the recording's rate or the controller's filter does not fit: {0}")]
-    Filter(#[from] FilterError),
+    /// The twin cannot be run.
+    #[error(transparent)]
+    Twin(#[from] TwinError),
     /// Nothing was given.
     #[error("no recording was given")]
     Nothing,
+}
+
+impl From<FilterError> for DiagnoseError {
+    fn from(error: FilterError) -> Self {
+        Self::Twin(error.into())
+    }
 }
 
 /// How far a diagnosis is.

@@ -8,7 +8,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::effects::stage::Stage;
+use robot::Stage;
 
 /// The only version there is.
 pub const SCHEMA: u32 = 2;

@@ -151,7 +151,7 @@ impl<'a> Responses<'a> {
         plain(&self.search.scale, shown)
             .into_iter()
             .chain(cycles.into_iter().flat_map(periodic))
-            .filter(|hypothesis| hypothesis.effect == pair.other)
+            .filter(|hypothesis| hypothesis.name() == pair.other)
             .collect()
     }
 

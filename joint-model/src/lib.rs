@@ -6,6 +6,8 @@
 
 pub mod filter;
 pub mod friction;
+pub mod harmonic;
+pub mod joint_spring;
 pub mod rigid_body;
 pub mod torque_table;
 pub mod transmission;

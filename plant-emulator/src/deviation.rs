@@ -12,7 +12,7 @@ use joint_model::friction::{
 };
 use joint_model::rigid_body::Link;
 use joint_model::transmission::CatalogueCompliance;
-use robot::{Effect, Robot, RobotJoint};
+use robot::{Effect, Part, Robot, RobotJoint};
 
 use crate::inject::TimedEffect;
 use crate::noise::{Noise, Purpose};
@@ -160,7 +160,7 @@ fn effects(
     });
     let mut all: Vec<TimedEffect> = known
         .map(|effect| {
-            let factor = if is_friction(effect) {
+            let factor = if effect.part() == Part::Friction {
                 deviation.factor()
             } else {
                 1.0
@@ -189,19 +189,6 @@ fn effects(
             .map(|effect| TimedEffect::always(*effect)),
     );
     all
-}
-
-fn is_friction(effect: &Effect) -> bool {
-    matches!(
-        effect,
-        Effect::CoulombFriction { .. }
-            | Effect::ViscousFriction { .. }
-            | Effect::QuadraticFriction { .. }
-            | Effect::StribeckFriction { .. }
-            | Effect::AsymmetricFriction { .. }
-            | Effect::LoadDependentFriction { .. }
-            | Effect::PositionDependentFriction { .. }
-    )
 }
 
 #[cfg(test)]

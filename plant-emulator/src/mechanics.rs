@@ -1,7 +1,7 @@
 //! One joint between motor and link: rotor, friction, gear, in one substep.
 
 use joint_model::friction::{Direction, LuGre, Sliding};
-use joint_model::transmission::TorsionalHysteresis;
+use joint_model::transmission::{TorsionalHysteresis, kinematic_error};
 
 use crate::inject::{Conditions, ELEMENTS_MAX};
 
@@ -117,10 +117,10 @@ impl JointState {
         // the kinematic error depends on the motor angle it shifts; it is small, so this converges in a few rounds
         const ROUNDS: usize = 50;
         let torsion_rad = conditions.transmission.torsion_rad(joint_torque_nm);
-        let error = &conditions.transmission.kinematic_error;
+        let harmonics = &conditions.transmission.kinematic_error;
         let mut rotor_rad = link_position_rad + torsion_rad;
         for _ in 0..ROUNDS {
-            let (error_rad, _) = error.error_and_slope(rotor_rad * constants.gear_ratio);
+            let (error_rad, _) = kinematic_error(harmonics, rotor_rad * constants.gear_ratio);
             rotor_rad = link_position_rad + torsion_rad - error_rad;
         }
         Self {
@@ -139,10 +139,8 @@ impl JointState {
     /// Kinematic error, and motion of the gear's input per motion of the rotor.
     fn lever(&self, constants: &JointConstants, conditions: &Conditions) -> (f64, f64) {
         let motor_rad = self.rotor_rad * constants.gear_ratio;
-        let (error_rad, slope) = conditions
-            .transmission
-            .kinematic_error
-            .error_and_slope(motor_rad);
+        let harmonics = &conditions.transmission.kinematic_error;
+        let (error_rad, slope) = kinematic_error(harmonics, motor_rad);
         (error_rad, 1.0 + slope * constants.gear_ratio)
     }
 

@@ -1,50 +1,103 @@
 //! Effects on the rigid bodies, put into the chain: payload, added link inertia, tilt of the base.
 
+use joint_model::friction::SteadyFriction;
 use joint_model::rigid_body::{Chain, ChainError, JointKind, Link, is_inertia_of_a_body};
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
 
+use crate::effect::parts::{Actuator, Bus, Gear, JointParts, Load, Sensors, Warming};
 use crate::{Effect, Robot};
 
-/// A chain of links with these effects on them; effects of other kinds change nothing. Link inertia names its joint, a
+/// The arm's bodies, for effects to change.
+pub struct Bodies {
+    links: Vec<Link>,
+    gravity_m_s2: Vector3<f64>,
+    /// Of the effect that acts.
+    joint: Option<usize>,
+}
+
+impl Bodies {
+    /// A point mass in the last link's frame.
+    pub(crate) fn add_payload(&mut self, mass_kg: f64, centre_m: Vector3<f64>) {
+        if let Some(last) = self.links.last_mut() {
+            last.add_point_mass(mass_kg, centre_m);
+        }
+    }
+
+    /// About the axis of the joint that the effect names.
+    pub(crate) fn add_inertia(&mut self, inertia_kg_m2: f64) {
+        if let Some(link) = self.joint.and_then(|joint| self.links.get_mut(joint)) {
+            match link.kind {
+                JointKind::Revolute => add_ring(link, inertia_kg_m2),
+                // what resists acceleration along the axis is mass
+                JointKind::Prismatic => link.mass_kg += inertia_kg_m2,
+            }
+        }
+    }
+
+    /// The base rolls about its x axis, then pitches about the y axis of the world.
+    pub(crate) fn tilt(&mut self, roll_rad: f64, pitch_rad: f64) {
+        let tilt = UnitQuaternion::from_euler_angles(roll_rad, pitch_rad, 0.0);
+        self.gravity_m_s2 = tilt.inverse() * self.gravity_m_s2;
+    }
+}
+
+/// Bodies alone: other parts are each joint's own.
+impl JointParts for Bodies {
+    fn friction(&mut self) -> Option<&mut SteadyFriction> {
+        None
+    }
+
+    fn warming(&mut self) -> Option<&mut dyn Warming> {
+        None
+    }
+
+    fn gear(&mut self) -> Option<&mut dyn Gear> {
+        None
+    }
+
+    fn actuator(&mut self) -> Option<&mut dyn Actuator> {
+        None
+    }
+
+    fn load(&mut self) -> Option<&mut dyn Load> {
+        None
+    }
+
+    fn bodies(&mut self) -> Option<&mut Self> {
+        Some(self)
+    }
+
+    fn sensors(&mut self) -> Option<&mut dyn Sensors> {
+        None
+    }
+
+    fn bus(&mut self) -> Option<&mut dyn Bus> {
+        None
+    }
+}
+
+/// A chain of links with these effects on them; effects on other parts change nothing. Link inertia names its joint, a
 /// payload sits on the last link whatever it names.
 ///
 /// # Errors
 /// [`ChainError`] if no body could be like that, such as one of negative mass.
 pub fn changed_chain<'a>(
     links: &[Link],
-    mut gravity_m_s2: Vector3<f64>,
+    gravity_m_s2: Vector3<f64>,
     tool: Isometry3<f64>,
     effects: impl IntoIterator<Item = (Option<usize>, &'a Effect)>,
 ) -> Result<Chain, ChainError> {
-    let mut links = links.to_vec();
+    let mut bodies = Bodies {
+        links: links.to_vec(),
+        gravity_m_s2,
+        joint: None,
+    };
     for (joint, effect) in effects {
-        match *effect {
-            Effect::Payload { mass_kg, centre_m } => {
-                if let Some(last) = links.last_mut() {
-                    last.add_point_mass(mass_kg, Vector3::from(centre_m));
-                }
-            }
-            Effect::LinkInertia { inertia_kg_m2 } => {
-                if let Some(link) = joint.and_then(|joint| links.get_mut(joint)) {
-                    match link.kind {
-                        JointKind::Revolute => add_ring(link, inertia_kg_m2),
-                        // what resists acceleration along the axis is mass
-                        JointKind::Prismatic => link.mass_kg += inertia_kg_m2,
-                    }
-                }
-            }
-            // the base rolls about its x axis, then pitches about the y axis of the world
-            Effect::BaseTilt {
-                roll_rad,
-                pitch_rad,
-            } => {
-                let tilt = UnitQuaternion::from_euler_angles(roll_rad, pitch_rad, 0.0);
-                gravity_m_s2 = tilt.inverse() * gravity_m_s2;
-            }
-            _ => {}
-        }
+        bodies.joint = joint;
+        let acted = effect.act(&mut bodies, 1.0);
+        assert!(acted.is_ok(), "bodies take any number of effects");
     }
-    Chain::new(&links, gravity_m_s2, tool)
+    Chain::new(&bodies.links, bodies.gravity_m_s2, tool)
 }
 
 /// Adds inertia about the joint's axis as a massless thin ring around it, the one body that adds least elsewhere. A slender link has no

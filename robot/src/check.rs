@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
-use joint_model::friction::TERMS_MAX;
+use joint_model::friction::SteadyFriction;
 use joint_model::torque_table::TABLES_MAX;
 
 use crate::error::{Place, RobotError};
@@ -14,7 +14,7 @@ use crate::{
 };
 
 /// What a number must be.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub enum Must {
     BeFinite,
     BePositive,
@@ -286,57 +286,39 @@ fn load(place: &Place, key: &str, row: &LoadTorqueRow) -> Result<(), RobotError>
 /// Effects at one place. Entries of one kind add up, so of what adds up the sum must be possible: a file may hold a
 /// stiffness and, beside it, a negative change of it. What shapes an entry must be possible in each.
 pub fn effects(place: &Place, effects: &[Effect]) -> Result<(), RobotError> {
-    let mut sums: BTreeMap<(&str, String), f64> = BTreeMap::new();
+    let mut sums: BTreeMap<(&str, &str), (f64, Must)> = BTreeMap::new();
+    let mut friction = SteadyFriction::default();
     for effect in effects {
-        for (key, value) in parameters(effect) {
-            let what = format!("effect {}: {key}", effect.name());
-            number(place, &what, value, rule_for_each(&key))?;
-            *sums.entry((effect.name(), key)).or_default() += value;
+        let name = effect.name();
+        // writing an effect cannot fail: it is a flat table
+        let values = toml::Table::try_from(effect).unwrap_or_default();
+        for parameter in effect.kind().parameters() {
+            let what = format!("effect {name}: {}", parameter.name);
+            for value in values.get(parameter.name).into_iter().flat_map(floats) {
+                number(place, &what, value, parameter.each)?;
+                let sum = sums.entry((name, parameter.name));
+                sum.or_insert((0.0, parameter.sum)).0 += value;
+            }
         }
         thermal(place, effect)?;
-        let same = effects.iter().filter(|other| other.name() == effect.name());
-        if has_a_term_each(effect) && same.count() > TERMS_MAX {
-            return Err(place.invalid(format!(
-                "effect {} stands there more than {TERMS_MAX} times; leave out the smallest",
-                effect.name()
-            )));
-        }
+        effect.act(&mut friction, 1.0).map_err(|full| {
+            place.invalid(format!(
+                "effect {name} stands there more than {} times; leave out the smallest",
+                full.at_most
+            ))
+        })?;
     }
-    sums.iter().try_for_each(|((effect, key), sum)| {
+    sums.iter().try_for_each(|((effect, key), (sum, must))| {
         let what = format!("effect {effect}: {key}");
-        number(place, &what, *sum, rule_for_sum(effect, key))
+        number(place, &what, *sum, *must)
     })
 }
 
-/// Effects of these kinds do not add up to one of their kind; the joint's model has room for so many.
-fn has_a_term_each(effect: &Effect) -> bool {
-    matches!(
-        effect,
-        Effect::StribeckFriction { .. } | Effect::PositionDependentFriction { .. }
-    )
-}
-
-fn rule_for_each(key: &str) -> Must {
-    match key {
-        "stribeck_velocity_rad_s"
-        | "yield_rad"
-        | "exponent"
-        | "gain"
-        | "time_constant_s"
-        | "cutoff_hz"
-        | "limit_nm"
-        | "resolution_rad" => Must::BePositive,
-        _ => Must::BeFinite,
-    }
-}
-
-fn rule_for_sum(effect: &str, key: &str) -> Must {
-    match key {
-        "stiffness_nm_rad" if effect == "joint_spring" => Must::BeFinite,
-        "stiffness_nm_rad" | "low_stiffness_nm_rad" => Must::BePositive,
-        "knee_nm" | "width_nm" | "damping_nm_s_rad" | "gap_rad" | "delay_s" => Must::NotBeNegative,
-        "fraction" => Must::BeFraction,
-        _ => Must::BeFinite,
+/// A number, or the coordinates of a point.
+fn floats(value: &toml::Value) -> Vec<f64> {
+    match value {
+        toml::Value::Array(list) => list.iter().filter_map(toml::Value::as_float).collect(),
+        single => single.as_float().into_iter().collect(),
     }
 }
 
@@ -355,25 +337,6 @@ fn thermal(place: &Place, effect: &Effect) -> Result<(), RobotError> {
             Err(place.invalid("effect thermal_friction_drift: give drift_nm_s alone, or time_constant_s and change_nm"))
         }
     }
-}
-
-/// The numbers of an effect by name; coordinates all under theirs.
-fn parameters(effect: &Effect) -> Vec<(String, f64)> {
-    // Writing an effect cannot fail: it is a flat table of numbers.
-    let table = toml::Table::try_from(effect).unwrap_or_default();
-    let number = |value: &toml::Value| value.as_float();
-    let each = |(key, value): (String, toml::Value)| match &value {
-        toml::Value::Array(list) => list
-            .iter()
-            .filter_map(number)
-            .map(|x| (key.clone(), x))
-            .collect(),
-        single => number(single)
-            .map(|x| (key, x))
-            .into_iter()
-            .collect::<Vec<_>>(),
-    };
-    table.into_iter().flat_map(each).collect()
 }
 
 /// Tolerances and the names they stand under.

@@ -1,98 +1,40 @@
 //! From what a robot file says about a joint to the physics of [`joint_model`].
 
 use joint_model::friction::{
-    FrictionLookup, LoadTorque, LoadTorqueRow, PeriodicFriction, SteadyFriction, StribeckCurve,
-    StribeckFriction, StribeckRow, TERMS_MAX,
+    FrictionLookup, LoadTorque, LoadTorqueRow, SteadyFriction, StribeckCurve, StribeckRow,
 };
-
 use joint_model::torque_table::{self, TorqueTables};
 
 use crate::{
-    DirectionalFriction, Effect, FrictionTable, LoadTorqueTable, RobotJoint, TableOver, TorqueTable,
+    DirectionalFriction, FrictionTable, LoadTorqueTable, RobotJoint, TableOver, TorqueTable,
 };
 
 impl RobotJoint {
     /// All friction the file knows, as torque over velocity, load and motor angle. Effects and tables add up.
     pub fn steady_friction(&self) -> SteadyFriction {
-        let mut friction = SteadyFriction {
+        let mut friction = self.table_friction();
+        for effect in &self.effects {
+            let added = effect.act(&mut friction, 1.0);
+            assert!(added.is_ok(), "a robot file with more terms is refused");
+        }
+        friction
+    }
+
+    /// Friction of the file's tables alone.
+    pub fn table_friction(&self) -> SteadyFriction {
+        SteadyFriction {
             curve: self.direction_friction.as_ref().map(stribeck_curve),
             load_torque: self.load_torque.as_ref().map(load_torque),
             lookup: self.friction_table.as_ref().map(friction_lookup),
             tables: self.torque_tables(),
             ..SteadyFriction::default()
-        };
-        for effect in &self.effects {
-            // There is room: a robot file with more terms was refused.
-            let added = add_friction(&mut friction, effect, 1.0);
-            debug_assert!(added.is_ok(), "{} terms were checked", effect.name());
         }
-        friction
     }
 
     /// The torque that no effect has a name for.
     pub fn torque_tables(&self) -> TorqueTables {
         TorqueTables::new(self.torque_tables.iter().map(torque_table))
     }
-}
-
-/// A joint's model has room for so many Stribeck or periodic terms, and they are taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("a joint takes at most {TERMS_MAX} effects of this kind")]
-pub struct FrictionFull;
-
-/// Adds `strength` times an effect, if it is friction that depends on velocity, load or motor angle; any other effect
-/// changes nothing.
-///
-/// # Errors
-/// [`FrictionFull`].
-pub fn add_friction(
-    friction: &mut SteadyFriction,
-    effect: &Effect,
-    strength: f64,
-) -> Result<(), FrictionFull> {
-    match *effect {
-        Effect::CoulombFriction { coulomb_nm } => {
-            friction.coulomb.coulomb_nm += strength * coulomb_nm
-        }
-        Effect::ViscousFriction { viscous_nm_s_rad } => {
-            friction.viscous.viscous_nm_s_rad += strength * viscous_nm_s_rad;
-        }
-        Effect::QuadraticFriction {
-            quadratic_nm_s2_rad2,
-        } => {
-            friction.quadratic.quadratic_nm_s2_rad2 += strength * quadratic_nm_s2_rad2;
-        }
-        Effect::AsymmetricFriction { asymmetry_nm } => {
-            friction.asymmetric.asymmetry_nm += strength * asymmetry_nm;
-        }
-        Effect::LoadDependentFriction { load_coefficient } => {
-            friction.load_dependent.load_coefficient += strength * load_coefficient;
-        }
-        Effect::StribeckFriction {
-            stribeck_nm,
-            stribeck_velocity_rad_s,
-        } => {
-            let term = StribeckFriction {
-                stribeck_nm: strength * stribeck_nm,
-                stribeck_velocity_rad_s,
-            };
-            friction.stribeck.try_push(term).map_err(|_| FrictionFull)?;
-        }
-        Effect::PositionDependentFriction {
-            amplitude_nm,
-            cycles_per_motor_rev,
-            phase_rad,
-        } => {
-            let term = PeriodicFriction {
-                amplitude_nm: strength * amplitude_nm,
-                cycles_per_motor_rev,
-                phase_rad,
-            };
-            friction.periodic.try_push(term).map_err(|_| FrictionFull)?;
-        }
-        _ => (),
-    }
-    Ok(())
 }
 
 fn stribeck_curve(table: &DirectionalFriction) -> StribeckCurve {

@@ -6,42 +6,35 @@
 //! that is undone: a ripple at the measured motor angle, as friction over the angle is. `encoder_offset` is where the joint
 //! is when its encoder says zero. Feedback is not divided by `g`: its gains are of torque as the drive has it.
 
+use joint_model::friction::SteadyFriction;
+use joint_model::harmonic::{self, Harmonic};
+use joint_model::joint_spring::JointSpring;
 use joint_model::torque_table::TorqueTables;
-use robot::{Effect, RobotJoint};
+use robot::effect::parts::{Actuator, Bus, Full, Gear, JointParts, Load, Sensors, Warming};
+use robot::{Bodies, EncoderSide, RobotJoint};
 
 /// One joint's, joint side but for the motor angle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compensation {
+    gear_ratio: f64,
     torque_gain: f64,
     torque_offset_nm: f64,
-    ripples: Vec<Ripple>,
+    ripples_nm: Vec<Harmonic>,
     gravity_sin_nm: f64,
     gravity_cos_nm: f64,
-    springs: Vec<Spring>,
+    springs: Vec<JointSpring>,
     tables: TorqueTables,
     encoder_offset_rad: f64,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Ripple {
-    amplitude_nm: f64,
-    cycles_per_motor_rev: f64,
-    phase_rad: f64,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Spring {
-    stiffness_nm_rad: f64,
-    rest_rad: f64,
 }
 
 impl Compensation {
     /// Of the effects in a joint's file.
     pub fn of(joint: &RobotJoint) -> Self {
         let mut all = Self {
+            gear_ratio: joint.gear_ratio,
             torque_gain: 1.0,
             torque_offset_nm: 0.0,
-            ripples: Vec::new(),
+            ripples_nm: Vec::new(),
             gravity_sin_nm: 0.0,
             gravity_cos_nm: 0.0,
             springs: Vec::new(),
@@ -49,38 +42,10 @@ impl Compensation {
             encoder_offset_rad: 0.0,
         };
         for effect in &joint.effects {
-            all.add(effect, joint.gear_ratio);
+            let acted = effect.act(&mut all, 1.0);
+            assert!(acted.is_ok(), "feedforward has room for all");
         }
         all
-    }
-
-    fn add(&mut self, effect: &Effect, gear_ratio: f64) {
-        match *effect {
-            Effect::TorqueConstantError { gain } => self.torque_gain *= gain,
-            Effect::TorqueOffset { offset_nm } => self.torque_offset_nm += offset_nm,
-            Effect::TorqueRipple {
-                amplitude_nm,
-                cycles_per_motor_rev,
-                phase_rad,
-            } => self.ripples.push(Ripple {
-                amplitude_nm: gear_ratio * amplitude_nm,
-                cycles_per_motor_rev,
-                phase_rad,
-            }),
-            Effect::GravityTorque { sin_nm, cos_nm } => {
-                self.gravity_sin_nm += sin_nm;
-                self.gravity_cos_nm += cos_nm;
-            }
-            Effect::JointSpring {
-                stiffness_nm_rad,
-                rest_rad,
-            } => self.springs.push(Spring {
-                stiffness_nm_rad,
-                rest_rad,
-            }),
-            Effect::EncoderOffset { offset_rad } => self.encoder_offset_rad += offset_rad,
-            _ => {}
-        }
     }
 
     /// Where the link is when its encoder is to read this.
@@ -91,11 +56,8 @@ impl Compensation {
     /// Torque that holds the link against added gravity, springs and tables, beside what else it carries.
     pub fn holding_nm(&self, link_rad: f64, load_nm: f64) -> f64 {
         let (sin, cos) = link_rad.sin_cos();
-        let springs_nm: f64 = self
-            .springs
-            .iter()
-            .map(|spring| spring.stiffness_nm_rad * (link_rad - spring.rest_rad))
-            .sum();
+        let springs = self.springs.iter();
+        let springs_nm: f64 = springs.map(|spring| spring.holding_nm(link_rad)).sum();
         self.gravity_sin_nm * sin
             + self.gravity_cos_nm * cos
             + springs_nm
@@ -104,22 +66,108 @@ impl Compensation {
 
     /// What to send for this torque at the shaft.
     pub fn sent_nm(&self, shaft_nm: f64, motor_rad: f64) -> f64 {
-        let ripple_nm: f64 = self
-            .ripples
-            .iter()
-            .map(|ripple| {
-                let angle_rad = ripple.cycles_per_motor_rev * motor_rad + ripple.phase_rad;
-                ripple.amplitude_nm * angle_rad.sin()
-            })
-            .sum();
+        let ripple_nm = harmonic::sum(&self.ripples_nm, motor_rad);
         (shaft_nm - self.torque_offset_nm - ripple_nm) / self.torque_gain
     }
+}
+
+impl JointParts for Compensation {
+    /// Steady friction has it.
+    fn friction(&mut self) -> Option<&mut SteadyFriction> {
+        None
+    }
+
+    /// Nobody tells how long a joint has been warming.
+    fn warming(&mut self) -> Option<&mut dyn Warming> {
+        None
+    }
+
+    /// References are the link's, and what the gear bends is not led.
+    fn gear(&mut self) -> Option<&mut dyn Gear> {
+        None
+    }
+
+    fn actuator(&mut self) -> Option<&mut dyn Actuator> {
+        Some(self)
+    }
+
+    fn load(&mut self) -> Option<&mut dyn Load> {
+        Some(self)
+    }
+
+    /// The loaded chain has them.
+    fn bodies(&mut self) -> Option<&mut Bodies> {
+        None
+    }
+
+    fn sensors(&mut self) -> Option<&mut dyn Sensors> {
+        Some(self)
+    }
+
+    /// References are not led by what the bus is late.
+    fn bus(&mut self) -> Option<&mut dyn Bus> {
+        None
+    }
+}
+
+impl Actuator for Compensation {
+    fn scale_torque(&mut self, gain: f64) {
+        self.torque_gain *= gain;
+    }
+
+    fn add_torque(&mut self, offset_nm: f64) {
+        self.torque_offset_nm += offset_nm;
+    }
+
+    fn add_ripple(&mut self, ripple_nm: Harmonic) -> Result<(), Full> {
+        self.ripples_nm.push(Harmonic {
+            amplitude: self.gear_ratio * ripple_nm.amplitude,
+            ..ripple_nm
+        });
+        Ok(())
+    }
+
+    /// More than the drive gives cannot be asked for.
+    fn limit_torque(&mut self, _limit_nm: f64) {}
+
+    /// A lag is not led.
+    fn add_lag(&mut self, _time_constant_s: f64) {}
+}
+
+impl Load for Compensation {
+    /// Feedforward takes the rotor from the joint's own `rotor_inertia_kg_m2`.
+    fn add_rotor_inertia(&mut self, _inertia_kg_m2: f64) {}
+
+    fn add_gravity(&mut self, sin_nm: f64, cos_nm: f64) {
+        self.gravity_sin_nm += sin_nm;
+        self.gravity_cos_nm += cos_nm;
+    }
+
+    fn add_spring(&mut self, spring: JointSpring) -> Result<(), Full> {
+        self.springs.push(spring);
+        Ok(())
+    }
+}
+
+/// Of what sensors show beside the truth, only the zero moves what the joint has to do.
+impl Sensors for Compensation {
+    fn add_offset(&mut self, offset_rad: f64) {
+        self.encoder_offset_rad += offset_rad;
+    }
+
+    fn add_eccentricity(&mut self, _side: EncoderSide, _error_rad: Harmonic) -> Result<(), Full> {
+        Ok(())
+    }
+
+    fn set_resolution(&mut self, _side: EncoderSide, _resolution_rad: f64) {}
+
+    fn filter_velocity(&mut self, _cutoff_hz: f64) {}
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
-    use robot::{TableOver, TorqueTable};
+    use robot::{Effect, TableOver, TorqueTable};
 
     use super::*;
 

@@ -389,26 +389,6 @@ fn float(item: &Item) -> f64 {
     item.as_float().or_else(integer).unwrap_or(0.0)
 }
 
-/// Parameters that add up to those of an entry of the same kind; of all other effects a second entry stands for itself.
-fn additive(effect: &Effect) -> &'static [&'static str] {
-    match effect {
-        Effect::CoulombFriction { .. } => &["coulomb_nm"],
-        Effect::ViscousFriction { .. } => &["viscous_nm_s_rad"],
-        Effect::QuadraticFriction { .. } => &["quadratic_nm_s2_rad2"],
-        Effect::AsymmetricFriction { .. } => &["asymmetry_nm"],
-        Effect::LoadDependentFriction { .. } => &["load_coefficient"],
-        Effect::TorsionalCompliance { .. } => &["stiffness_nm_rad"],
-        Effect::Backlash { .. } => &["gap_rad"],
-        Effect::TorqueOffset { .. } => &["offset_nm"],
-        Effect::CurrentLoopLag { .. } => &["time_constant_s"],
-        Effect::LinkInertia { .. } => &["inertia_kg_m2"],
-        Effect::GravityTorque { .. } => &["sin_nm", "cos_nm"],
-        Effect::EncoderOffset { .. } => &["offset_rad"],
-        Effect::CommandDelay { .. } | Effect::SensorDelay { .. } => &["delay_s"],
-        _ => &[],
-    }
-}
-
 /// Adds to the entry of the same kind where the two add up, else a new entry, in the form the list has.
 fn add_to_list(table: &mut Table, key: &str, effect: &Effect) -> Result<String, String> {
     let text = effect.to_toml().map_err(|error| error.to_string())?;
@@ -421,13 +401,13 @@ fn add_to_list(table: &mut Table, key: &str, effect: &Effect) -> Result<String, 
     let same = |known: &&mut dyn TableLike| {
         known.get("effect").and_then(Item::as_str) == Some(effect.name())
     };
-    let keys = additive(effect);
-    if !keys.is_empty()
+    let parameters = effect.kind().parameters();
+    if parameters.iter().all(|parameter| parameter.adds_up)
         && let Some(known) = entries(list).into_iter().find(same)
     {
-        let changes = keys.iter().map(|key| {
-            let change = entry.get(key).map_or(0.0, float);
-            add_to_number(known, key, change)
+        let changes = parameters.iter().map(|parameter| {
+            let change = entry.get(parameter.name).map_or(0.0, float);
+            add_to_number(known, parameter.name, change)
         });
         return Ok(changes.collect::<Vec<_>>().join(", "));
     }

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use gap_diagnosis::effects::stage::Stage;
 use gap_diagnosis::report::{JointReport, Report, Verdict};
+use robot::Stage;
 use serde::Serialize;
 
 use crate::label::{CaseKind, Label, TrueEffect};
@@ -291,11 +291,11 @@ impl<'a> View<'a> {
             None => {
                 let shared = self.report.shared_effects.first();
                 shared
-                    .map(|shared| Stage::of(&shared.effect.effect))
+                    .and_then(|shared| Stage::of(&shared.effect.effect))
                     .or_else(|| loudest(self.report).and_then(|joint| joint.place.stage))
             }
         };
-        let equivalent = truth.equivalents.iter().map(|name| Stage::of(name));
+        let equivalent = truth.equivalents.iter().filter_map(|name| Stage::of(name));
         said.is_some_and(|said| said == truth.stage || equivalent.into_iter().any(|s| s == said))
     }
 

@@ -29,7 +29,7 @@ fn label(case: &str, kind: CaseKind) -> Label {
 fn truth(joint: &str, effect: Effect, equivalents: &[&str]) -> TrueEffect {
     TrueEffect {
         joint: Some(joint.to_owned()),
-        stage: gap_diagnosis::effects::stage::Stage::of(effect.name()),
+        stage: effect.kind().stage(),
         effect,
         gap_to_noise: 3.0,
         equivalents: equivalents.iter().map(|name| (*name).to_owned()).collect(),

@@ -1,7 +1,7 @@
 //! What the samples show by themselves, told beside what the evidence explains: steps of an encoder, samples that were dropped, and
 //! delay and lag of the drive.
 
-use robot::Effect;
+use robot::{Effect, EffectKind, Stage};
 
 use crate::checks::found::Found;
 use crate::closed_loop::search::Term;
@@ -13,6 +13,9 @@ use crate::twin::scale::Scale;
 /// of these none was wrong.
 const COUNTED: f64 = 0.97;
 const BESIDE: f64 = 0.85;
+
+/// What a delay may be called: command and position show only the sum of both.
+const DELAYS: [EffectKind; 2] = [EffectKind::CommandDelay, EffectKind::SensorDelay];
 
 /// What the samples settle already, for the twin.
 pub fn settled(counted: &[Found], scale: &Scale) -> Vec<Term> {
@@ -86,7 +89,7 @@ pub fn add(
     }
     for found in counted {
         let names = names(found);
-        for name in names {
+        for name in &names {
             let probability = certain / (counted.len() * names.len()) as f64;
             let own = report.candidates.iter_mut().find(|of| of.effect == *name);
             match own {
@@ -101,7 +104,7 @@ pub fn add(
     let is_late = |found: &Found| matches!(found.effect, Effect::CommandDelay { .. });
     if counted.iter().any(is_late) {
         report.confusable.push(Confusable {
-            effects: ["command_delay", "sensor_delay"].map(str::to_owned),
+            effects: DELAYS.map(|kind| kind.name().to_owned()),
             distance: 0.0,
             reason: "command and position show only the sum of both delays".to_owned(),
         });
@@ -110,7 +113,7 @@ pub fn add(
     candidates.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     if report.place.stage.is_none() || !had_names {
         let first = report.effects.first();
-        report.place.stage = first.map(|first| crate::effects::stage::Stage::of(&first.effect));
+        report.place.stage = first.and_then(|first| Stage::of(&first.effect));
     }
     let because: Vec<&str> = counted.iter().map(|found| found.because.as_str()).collect();
     if !report.reason.is_empty() {
@@ -127,15 +130,11 @@ fn is_settled(found: &Found) -> bool {
     )
 }
 
-/// What a finding may be called: command and position show only the sum of both delays.
-fn names(found: &Found) -> &[&'static str] {
-    match found.effect {
-        Effect::CommandDelay { .. } => &["command_delay", "sensor_delay"],
-        Effect::CurrentLoopLag { .. } => &["current_loop_lag"],
-        Effect::DroppedCommands { .. } => &["dropped_commands"],
-        Effect::DroppedSamples { .. } => &["dropped_samples"],
-        Effect::VelocityFilterLag { .. } => &["velocity_filter_lag"],
-        _ => &["encoder_quantisation"],
+/// What a finding may be called.
+fn names(found: &Found) -> Vec<&'static str> {
+    match found.effect.kind() {
+        EffectKind::CommandDelay => DELAYS.map(EffectKind::name).to_vec(),
+        kind => vec![kind.name()],
     }
 }
 

@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-use joint_model::filter::FilterError;
+use crate::twin::TwinError;
 use recording::Recording;
 use robot::Robot;
 
@@ -120,7 +120,7 @@ impl<'a> Joint<'a> {
         name: &str,
         repeated: &Repeated,
         poverty: Option<&'static str>,
-    ) -> Result<Self, FilterError> {
+    ) -> Result<Self, TwinError> {
         let mut search = Search::new(twin)?;
         search.repeats_nm = repeated.scatter_nm(name, &search)?;
         Ok(Self {
@@ -148,7 +148,7 @@ impl<'a> Joint<'a> {
 
     /// The best set: responses choose some, simulation fits them, and the responses about the best of them choose again until the
     /// names stay.
-    fn explained(&self, begin: About, of_arm: Option<&OfArm>) -> Result<Explained, FilterError> {
+    fn explained(&self, begin: About, of_arm: Option<&OfArm>) -> Result<Explained, TwinError> {
         let mut explained = self.weighed(begin, of_arm);
         for _ in 0..ROUNDS {
             let Some(best) = self.best_fitted(&explained)? else {
@@ -170,7 +170,7 @@ impl<'a> Joint<'a> {
     }
 
     /// Takes back names whose part of the gap a smooth law on no list explains better.
-    fn take_back_imitations(&self, explained: &mut Explained) -> Result<(), FilterError> {
+    fn take_back_imitations(&self, explained: &mut Explained) -> Result<(), TwinError> {
         let Explained {
             about,
             evidence,
@@ -189,7 +189,7 @@ impl<'a> Joint<'a> {
     }
 
     /// Of the first few sets of different names the one that leaves least where it is simulated; none if that has no names.
-    fn best_fitted(&self, explained: &Explained) -> Result<Option<Model>, FilterError> {
+    fn best_fitted(&self, explained: &Explained) -> Result<Option<Model>, TwinError> {
         let Explained {
             about,
             evidence,
@@ -213,7 +213,7 @@ impl<'a> Joint<'a> {
                 let refined = refined(&self.search, &self.compared, &worth, &about.known, &start)?;
                 Ok((refined.nats + evidence.cost(set.names), refined.model))
             })
-            .collect::<Result<Vec<(f64, Model)>, FilterError>>()?;
+            .collect::<Result<Vec<(f64, Model)>, TwinError>>()?;
         let best = fitted.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
         Ok(best
             .map(|(_, model)| model)
@@ -221,7 +221,7 @@ impl<'a> Joint<'a> {
     }
 
     /// Rows of the motor's signal, as they count.
-    fn rows(&self) -> Result<Rows, FilterError> {
+    fn rows(&self) -> Result<Rows, TwinError> {
         let gap_nm = self
             .compared
             .pick(&self.search.residual_nm(&Model::default())?);
@@ -295,7 +295,7 @@ impl<'a> Joint<'a> {
         counted: &[Counted],
         arm: &Arm<'_>,
         materiality: f64,
-    ) -> Result<Told, FilterError> {
+    ) -> Result<Told, TwinError> {
         let rows = self.rows()?;
         let gap_nm = self
             .compared
@@ -350,7 +350,7 @@ impl<'a> Joint<'a> {
         counted::add(&mut report, counted, settled_share, is_common);
         let model = &explained.about.model;
         report.gap.position_rms_rad =
-            crate::closed_loop::values::position_rms_rad(&self.search, &Model::default(), model);
+            crate::closed_loop::values::position_rms_rad(&self.search, &Model::default(), model)?;
         Ok(Told {
             report,
             traces: self.traces(name, model)?,
@@ -424,7 +424,7 @@ impl<'a> Joint<'a> {
         }
     }
 
-    fn traces(&self, name: &str, model: &Model) -> Result<JointTraces, FilterError> {
+    fn traces(&self, name: &str, model: &Model) -> Result<JointTraces, TwinError> {
         let before_nm = self.search.residual_nm(&Model::default())?;
         let after_nm = self.search.residual_nm(model)?;
         let rows = &self.search.twin.rows;
@@ -457,8 +457,8 @@ pub struct OfOne {
 /// One joint explained by itself, without what its samples show.
 ///
 /// # Errors
-/// [`FilterError`].
-pub fn one(twin: &JointTwin<'_>, name: &str) -> Result<OfOne, FilterError> {
+/// [`TwinError`].
+pub fn one(twin: &JointTwin<'_>, name: &str) -> Result<OfOne, TwinError> {
     let joint = Joint::of(0, twin, &[], name, &Repeated::among(&[]), None)?;
     let begin = About::of(&joint.search, &joint.compared, &joint.start())?;
     let explained = joint.explained(begin, None)?;
@@ -477,8 +477,8 @@ pub fn one(twin: &JointTwin<'_>, name: &str) -> Result<OfOne, FilterError> {
 /// Responses about the joint as its file has it.
 ///
 /// # Errors
-/// [`FilterError`].
-pub(crate) fn about_the_file(search: &Search<'_>) -> Result<About, FilterError> {
+/// [`TwinError`].
+pub(crate) fn about_the_file(search: &Search<'_>) -> Result<About, TwinError> {
     About::of(
         search,
         &Compared::of(search, false),
@@ -530,7 +530,7 @@ pub fn diagnose(
                 }
                 JointTwin::new(robot, index, &stretches)
             })
-            .collect::<Result<Vec<_>, FilterError>>()?;
+            .collect::<Result<Vec<_>, TwinError>>()?;
         let repeated = Repeated::among(recordings);
         report.data.extend(repeated.that_differ());
         let done = AtomicUsize::new(0);
@@ -556,7 +556,7 @@ pub fn diagnose(
                 });
                 Ok(Some((joint, begin, alone)))
             })
-            .collect::<Result<Vec<_>, FilterError>>()?;
+            .collect::<Result<Vec<_>, TwinError>>()?;
         let (mut all, mut begins, mut explained) = (Vec::new(), Vec::new(), Vec::new());
         for joint in joints {
             let (joint, begin, alone) = match joint {
@@ -598,7 +598,7 @@ pub fn diagnose(
                 }
                 Ok(Some((told, findings)))
             })
-            .collect::<Result<Vec<_>, FilterError>>()?;
+            .collect::<Result<Vec<_>, TwinError>>()?;
         let (mut of_cause, mut of_delay) = (BTreeMap::new(), BTreeMap::new());
         for (index, told) in told.into_iter().enumerate() {
             let name = &robot.joints[index].name;

@@ -1,7 +1,7 @@
 //! Effects whose names the caller tells: their values fitted, and how far the gap shrinks with them. What the diagnosis is held against
 //! where the truth is known.
 
-use joint_model::filter::FilterError;
+use crate::twin::TwinError;
 use recording::Recording;
 use robot::Robot;
 
@@ -61,7 +61,7 @@ fn best_of(about: &About, evidence: &Evidence, names: &[&str]) -> Names {
     for name in names {
         let responses = about.responses.iter().enumerate();
         let own: Vec<usize> = responses
-            .filter(|(_, response)| response.term.hypothesis.effect == *name)
+            .filter(|(_, response)| response.term.hypothesis.name() == *name)
             .map(|(item, _)| item)
             .collect();
         if !own.is_empty() {
@@ -79,8 +79,8 @@ fn best_of(about: &About, evidence: &Evidence, names: &[&str]) -> Names {
 /// A model with the values that leave least, its names as they are; the file's values are fitted beside them.
 ///
 /// # Errors
-/// [`FilterError`].
-pub fn refitted(search: &Search<'_>, start: &Model) -> Result<Model, FilterError> {
+/// [`TwinError`].
+pub fn refitted(search: &Search<'_>, start: &Model) -> Result<Model, TwinError> {
     let compared = Compared::of(search, false);
     let about = About::of(search, &compared, start)?;
     let settled: Vec<Settled> = compared

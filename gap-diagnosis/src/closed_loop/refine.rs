@@ -1,7 +1,7 @@
 //! Models fitted by simulation: Gauss and Newton's steps over known values, amplitudes and shapes at once, judged by what the
 //! simulation leaves.
 
-use joint_model::filter::FilterError;
+use crate::twin::TwinError;
 use nalgebra::{DMatrix, DVector};
 
 use super::rows::{Compared, own_columns};
@@ -62,20 +62,20 @@ impl Worth {
 /// The model that leaves least from a start on. `known`: responses to the known values, about a model that is not far.
 ///
 /// # Errors
-/// [`FilterError`].
+/// [`TwinError`].
 pub fn refined(
     search: &Search<'_>,
     compared: &Compared,
     worth: &Worth,
     known: &[Vec<f64>],
     start: &Model,
-) -> Result<Refined, FilterError> {
+) -> Result<Refined, TwinError> {
     // what coarse substeps do is the same to all that are compared
     let to_reach_nm = {
         let fine = search.residual_nm(start)?;
         search.to_reach_nm(start, &fine)?
     };
-    let coarse = |model: &Model| -> Result<(Vec<f64>, Vec<f64>), FilterError> {
+    let coarse = |model: &Model| -> Result<(Vec<f64>, Vec<f64>), TwinError> {
         let base_nm = search.coarsely_nm(model)?;
         let left_nm = compared.pick(&difference(&to_reach_nm, &base_nm));
         Ok((base_nm, left_nm))

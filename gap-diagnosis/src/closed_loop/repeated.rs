@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use joint_model::filter::FilterError;
+use crate::twin::TwinError;
 use recording::Recording;
 
 use crate::checks::repeats::{Group, Repeat, mean_and_variance, repeats};
@@ -44,8 +44,8 @@ impl Repeated {
     /// reversals; none without repeats.
     ///
     /// # Errors
-    /// [`FilterError`].
-    pub fn scatter_nm(&self, joint: &str, search: &Search<'_>) -> Result<Option<f64>, FilterError> {
+    /// [`TwinError`].
+    pub fn scatter_nm(&self, joint: &str, search: &Search<'_>) -> Result<Option<f64>, TwinError> {
         let alike = self.alike(joint);
         if alike.is_empty() {
             return Ok(None);

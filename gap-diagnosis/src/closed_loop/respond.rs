@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use joint_model::filter::FilterError;
+use crate::twin::TwinError;
 use nalgebra::DMatrix;
+use robot::EffectKind;
 
 use crate::closed_loop::search::{Model, Search, difference};
 use crate::closed_loop::spectrum::{Beside, below, most_seen, peaks};
@@ -42,7 +43,7 @@ impl Search<'_> {
         base: &[f64],
         model: &Model,
         change: impl FnOnce(&mut Changes),
-    ) -> Result<Vec<f64>, FilterError> {
+    ) -> Result<Vec<f64>, TwinError> {
         let mut changes = model.changes(&self.scale);
         changes.known.resize(self.twin.known.len(), 0.0);
         change(&mut changes);
@@ -54,7 +55,7 @@ impl Search<'_> {
         base: &[f64],
         model: &Model,
         hypothesis: &Hypothesis,
-    ) -> Result<Vec<Vec<f64>>, FilterError> {
+    ) -> Result<Vec<Vec<f64>>, TwinError> {
         let at = |amplitudes: &[f64]| {
             self.response(base, model, |changes| {
                 changes
@@ -83,7 +84,7 @@ impl Search<'_> {
         &self,
         base: &[f64],
         model: &Model,
-    ) -> Result<Arc<Whitened>, FilterError> {
+    ) -> Result<Arc<Whitened>, TwinError> {
         let responses = (0..self.twin.known.len())
             .on_all_cores(|index| {
                 let mut column =
@@ -91,7 +92,7 @@ impl Search<'_> {
                 column.iter_mut().for_each(|value| *value /= PROBE);
                 Ok(column)
             })
-            .collect::<Result<Vec<_>, FilterError>>()?;
+            .collect::<Result<Vec<_>, TwinError>>()?;
         Ok(Arc::new(self.whitened(responses)))
     }
 
@@ -109,7 +110,7 @@ impl Search<'_> {
         base: &[f64],
         model: &Model,
         hypotheses: Vec<Hypothesis>,
-    ) -> Result<Vec<Columns>, FilterError> {
+    ) -> Result<Vec<Columns>, TwinError> {
         hypotheses
             .into_iter()
             .on_all_cores(|hypothesis| {
@@ -124,7 +125,7 @@ impl Search<'_> {
         let mut cycles: Vec<f64> = linear
             .hypotheses
             .iter()
-            .filter(|(hypothesis, _)| hypothesis.effect == "torque_ripple")
+            .filter(|(hypothesis, _)| hypothesis.kind == EffectKind::TorqueRipple)
             .map(|(hypothesis, _)| hypothesis.shape[0])
             .collect();
         let there = cycles.len();

@@ -1,7 +1,7 @@
 //! A joint's recordings beside its twin, as the evidence takes them: compared rows signal by signal, what the robot file needs and may
 //! be wrong about, and the response to every effect, all about one model.
 
-use joint_model::filter::FilterError;
+use crate::twin::TwinError;
 
 use crate::closed_loop::respond::Linear;
 use crate::closed_loop::search::{Model, Search, Term, difference};
@@ -138,12 +138,8 @@ impl About {
     /// Of the model's responses.
     ///
     /// # Errors
-    /// [`FilterError`].
-    pub fn of(
-        search: &Search<'_>,
-        compared: &Compared,
-        model: &Model,
-    ) -> Result<Self, FilterError> {
+    /// [`TwinError`].
+    pub fn of(search: &Search<'_>, compared: &Compared, model: &Model) -> Result<Self, TwinError> {
         let mut model = model.clone();
         model.known.resize(search.twin.known.len(), 0.0);
         let base_nm = search.coarsely_nm(&model)?;
@@ -276,7 +272,7 @@ impl About {
                 cost: response.cost,
                 presupposed: Presupposed::NOTHING,
                 deviation: Some(response.term.hypothesis.plausible_steps()),
-                is_usual: USUAL.contains(&response.term.hypothesis.effect),
+                is_usual: USUAL.contains(&response.term.hypothesis.name()),
                 columns: &response.columns,
             })
             .collect()
@@ -338,7 +334,7 @@ impl About {
 
     /// Whether every joint may have it.
     pub fn is_usual(&self, item: usize) -> bool {
-        USUAL.contains(&self.responses[item].term.hypothesis.effect)
+        USUAL.contains(&self.responses[item].term.hypothesis.name())
     }
 
     /// Kinds of a set, sorted.
@@ -365,9 +361,9 @@ pub fn kinds_of(model: &Model) -> Vec<String> {
 fn kind_name(hypothesis: &Hypothesis) -> String {
     match hypothesis.shape.first() {
         Some(cycles) if !hypothesis.repeats(hypothesis) && hypothesis.is_periodic() => {
-            format!("{} {cycles:.0}", hypothesis.effect)
+            format!("{} {cycles:.0}", hypothesis.name())
         }
-        _ => hypothesis.effect.to_owned(),
+        _ => hypothesis.name().to_owned(),
     }
 }
 
@@ -407,7 +403,7 @@ pub fn own_columns(
     base_nm: &[f64],
     model: &Model,
     place: usize,
-) -> Result<Vec<Vec<f64>>, FilterError> {
+) -> Result<Vec<Vec<f64>>, TwinError> {
     let term = &model.terms[place];
     let values = Search::values(&term.hypothesis);
     (0..values)

@@ -1,6 +1,6 @@
 //! A joint's recordings beside its twin: the numbers that are compared, how sure they are, and models of the joint.
 
-use joint_model::filter::FilterError;
+use crate::twin::TwinError;
 use robot::Effect;
 
 use crate::effects::{Hypothesis, Shown, plain};
@@ -95,8 +95,8 @@ impl<'a> Search<'a> {
     /// Runs the twin without changes, with and without noise.
     ///
     /// # Errors
-    /// [`FilterError`].
-    pub fn new(twin: &'a JointTwin<'a>) -> Result<Self, FilterError> {
+    /// [`TwinError`].
+    pub fn new(twin: &'a JointTwin<'a>) -> Result<Self, TwinError> {
         let stretches = twin.stretches();
         let scale = Scale::of(
             &twin.nominal,
@@ -211,14 +211,14 @@ impl<'a> Search<'a> {
     /// What the model leaves of the measurement.
     ///
     /// # Errors
-    /// [`FilterError`].
-    pub fn residual_nm(&self, model: &Model) -> Result<Vec<f64>, FilterError> {
+    /// [`TwinError`].
+    pub fn residual_nm(&self, model: &Model) -> Result<Vec<f64>, TwinError> {
         let simulated = self.twin.simulated(&model.changes(&self.scale), None)?;
         Ok(difference(&self.measured_nm, &simulated))
     }
 
     /// In coarse substeps, whose runs are compared with each other only.
-    pub(crate) fn coarsely_nm(&self, model: &Model) -> Result<Vec<f64>, FilterError> {
+    pub(crate) fn coarsely_nm(&self, model: &Model) -> Result<Vec<f64>, TwinError> {
         self.twin.coarsely(&model.changes(&self.scale))
     }
 
@@ -228,7 +228,7 @@ impl<'a> Search<'a> {
         &self,
         model: &Model,
         residual_nm: &[f64],
-    ) -> Result<Vec<f64>, FilterError> {
+    ) -> Result<Vec<f64>, TwinError> {
         let coarse_nm = self.coarsely_nm(model)?;
         let both = coarse_nm.iter().zip(residual_nm);
         Ok(both.map(|(simulated, left)| simulated + left).collect())
@@ -272,7 +272,7 @@ fn whitener(
     twin: &JointTwin<'_>,
     noise_nm: &[(Channel, f64)],
     scale: &Scale,
-) -> Result<Whitener, FilterError> {
+) -> Result<Whitener, TwinError> {
     let floor = |row: &Row| floor(row.channel, noise_nm, scale, twin);
     Ok(Whitener::new(&twin.rows, floor).doubting(&doubts_nm(twin)?))
 }
@@ -280,7 +280,7 @@ fn whitener(
 /// What nobody can tell of a row: the part of what friction before it slips does that is not in proportion to it, and where
 /// friction is a table over the load, of what the corners of the table and the links do. When a joint breaks away from
 /// rest, and on which side of a corner it moves, is such a thing.
-fn doubts_nm(twin: &JointTwin<'_>) -> Result<Vec<f64>, FilterError> {
+fn doubts_nm(twin: &JointTwin<'_>) -> Result<Vec<f64>, TwinError> {
     let has_table = twin.nominal.friction.load_torque.is_some();
     let clean = twin.coarsely(&Changes::default())?;
     let mut squares = vec![0.0; clean.len()];

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use joint_model::filter::FilterError;
+use crate::twin::TwinError;
 use nalgebra::DVector;
 use robot::{Effect, Robot};
 
@@ -78,10 +78,10 @@ fn beside(
     begin: &About,
     cause: Cause,
     said: &[f64],
-) -> Result<Option<(About, OfArm)>, FilterError> {
+) -> Result<Option<(About, OfArm)>, TwinError> {
     let search = &joint.search;
     let mut hypotheses = search.hypotheses.iter();
-    let Some(hypothesis) = hypotheses.find(|of| of.effect == cause.name()) else {
+    let Some(hypothesis) = hypotheses.find(|of| of.name() == cause.name()) else {
         return Ok(None);
     };
     let steps = cause.steps(joint, hypothesis);
@@ -119,7 +119,7 @@ pub(super) fn found<'a>(
     joints: &[Option<Joint<'a>>],
     begins: &[Option<About>],
     alone: &[Option<Explained>],
-) -> Result<Option<Beside>, FilterError> {
+) -> Result<Option<Beside>, TwinError> {
     let mut best: Option<Beside> = None;
     for cause in Cause::ALL {
         let found = worth(robot, joints, begins, alone, cause)?;
@@ -140,7 +140,7 @@ fn worth<'a>(
     begins: &[Option<About>],
     alone: &[Option<Explained>],
     cause: Cause,
-) -> Result<Option<Beside>, FilterError> {
+) -> Result<Option<Beside>, TwinError> {
     // about a little of it, since nothing has no centre
     let mut said = DVector::zeros(cause.amplitudes());
     if cause == Cause::Payload {
@@ -156,7 +156,7 @@ fn worth<'a>(
                 (Some(joint), Some(begin)) => beside(joint, begin, cause, said.as_slice()),
                 _ => Ok(None),
             })
-            .collect::<Result<Vec<_>, FilterError>>()?;
+            .collect::<Result<Vec<_>, TwinError>>()?;
         if all.iter().flatten().count() < 2 {
             return Ok(None);
         }
@@ -194,7 +194,7 @@ fn worth<'a>(
             let of_arm = OfArm { message, ..of_arm };
             Ok(Some(joint.explained(about, Some(&of_arm))?))
         })
-        .collect::<Result<Vec<_>, FilterError>>()?;
+        .collect::<Result<Vec<_>, TwinError>>()?;
     let gained = alone.iter().zip(&with).filter_map(|(alone, with)| {
         let (alone, with) = (alone.as_ref()?, with.as_ref()?);
         Some(with.ahead_of(alone))

@@ -8,6 +8,7 @@ use crate::closed_loop::search::{Model, Search, Term};
 use crate::effects::numbers::{numbers, side};
 use crate::report::{BeforeAfter, Parameter};
 use crate::signal::random::uniform;
+use crate::twin::TwinError;
 use crate::twin::observe::Channel;
 
 /// A law is no truer than this part of its values, however well it is fitted.
@@ -30,28 +31,37 @@ pub fn mean_square(search: &Search<'_>, residual_nm: &[f64], channel: Channel) -
 }
 
 /// Difference between recorded and re-simulated motor position, root mean square, joint side.
-pub fn position_rms_rad(search: &Search<'_>, without: &Model, with: &Model) -> BeforeAfter {
-    let rms = |model: &Model| {
+///
+/// # Errors
+/// [`TwinError`].
+pub fn position_rms_rad(
+    search: &Search<'_>,
+    without: &Model,
+    with: &Model,
+) -> Result<BeforeAfter, TwinError> {
+    let rms = |model: &Model| -> Result<f64, TwinError> {
         let (mut sum, mut count) = (0.0, 0.0);
         for (piece, stretch) in search.twin.stretches().into_iter().enumerate() {
-            let trace = search.twin.controlled(piece, &model.changes(&search.scale));
+            let trace = search
+                .twin
+                .controlled(piece, &model.changes(&search.scale))?;
             for (a, b) in stretch.drive.motor_rad.iter().zip(&trace.motor_rad) {
                 sum += (a - b).powi(2);
                 count += 1.0;
             }
         }
-        (sum / f64::max(count, 1.0)).sqrt()
+        Ok((sum / f64::max(count, 1.0)).sqrt())
     };
     let nominal = &search.twin.nominal;
     let step_rad = nominal.motor_resolution_rad / nominal.gear_ratio;
     let noise_rad = nominal.position_noise_rad / nominal.gear_ratio;
-    BeforeAfter {
-        before: rms(without),
-        after: rms(with),
+    Ok(BeforeAfter {
+        before: rms(without)?,
+        after: rms(with)?,
         // a rounded value is off by a twelfth of its step, squared
         noise_floor: (step_rad.powi(2) / 12.0 + noise_rad.powi(2)).sqrt(),
         held_out: false,
-    }
+    })
 }
 
 /// Parameters of a term whose steps have this covariance, with their standard errors: values are drawn from it and written as the effect

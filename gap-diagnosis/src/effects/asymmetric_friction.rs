@@ -9,10 +9,6 @@ use crate::twin::scale::Scale;
 pub struct AsymmetricFriction;
 
 impl Form for AsymmetricFriction {
-    fn name(&self) -> &'static str {
-        "asymmetric_friction"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, scale: &Scale) -> Effect {
         Effect::AsymmetricFriction {
             asymmetry_nm: amplitude[0] * friction_step_nm(scale),

@@ -9,14 +9,14 @@ use crate::twin::scale::Scale;
 pub struct Backlash;
 
 impl Form for Backlash {
-    fn name(&self) -> &'static str {
-        "backlash"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, scale: &Scale) -> Effect {
         Effect::Backlash {
             gap_rad: amplitude[0] * TWIST_STEP * scale.twist_rad(),
         }
+    }
+
+    fn comes(&self) -> u8 {
+        2
     }
 
     /// Within a wide gap the link swings freely.

@@ -12,10 +12,6 @@ const PLAUSIBLE_RAD: f64 = 0.03;
 pub struct BaseTilt;
 
 impl Form for BaseTilt {
-    fn name(&self) -> &'static str {
-        "base_tilt"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, _: &Scale) -> Effect {
         Effect::BaseTilt {
             roll_rad: amplitude[0] * STEP_RAD,
@@ -30,13 +26,5 @@ impl Form for BaseTilt {
 
     fn amplitudes(&self) -> usize {
         2
-    }
-
-    fn is_shared(&self) -> bool {
-        true
-    }
-
-    fn is_carried(&self) -> bool {
-        true
     }
 }

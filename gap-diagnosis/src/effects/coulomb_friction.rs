@@ -9,10 +9,6 @@ use crate::twin::scale::Scale;
 pub struct CoulombFriction;
 
 impl Form for CoulombFriction {
-    fn name(&self) -> &'static str {
-        "coulomb_friction"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, scale: &Scale) -> Effect {
         Effect::CoulombFriction {
             coulomb_nm: amplitude[0] * friction_step_nm(scale),

@@ -13,10 +13,6 @@ pub const STEP_S: f64 = 5e-4;
 pub struct CurrentLoopLag;
 
 impl Form for CurrentLoopLag {
-    fn name(&self) -> &'static str {
-        "current_loop_lag"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, _: &Scale) -> Effect {
         Effect::CurrentLoopLag {
             time_constant_s: amplitude[0] * STEP_S,

@@ -8,8 +8,6 @@ use super::form::{Form, TWIST_STEP, Turn};
 use super::wave::Wave;
 use crate::twin::scale::Scale;
 
-const NAME: &str = "encoder_eccentricity";
-
 /// Of an encoder whose shaft makes so many turns per joint turn.
 fn eccentricity(
     amplitude: &[f64],
@@ -33,10 +31,6 @@ fn eccentricity(
 pub struct MotorEccentricity;
 
 impl Form for MotorEccentricity {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
     fn effect(&self, amplitude: &[f64], cycles: f64, scale: &Scale) -> Effect {
         let turns = scale.gear_ratio;
         eccentricity(amplitude, cycles, scale, turns, EncoderSide::Motor)
@@ -52,10 +46,6 @@ impl Form for MotorEccentricity {
 pub struct LinkEccentricity;
 
 impl Form for LinkEccentricity {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
     fn effect(&self, amplitude: &[f64], cycles: f64, scale: &Scale) -> Effect {
         eccentricity(amplitude, cycles, scale, 1.0, EncoderSide::Link)
     }

@@ -11,17 +11,9 @@ const STEP_RAD: f64 = 0.002;
 pub struct EncoderOffset;
 
 impl Form for EncoderOffset {
-    fn name(&self) -> &'static str {
-        "encoder_offset"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, _: &Scale) -> Effect {
         Effect::EncoderOffset {
             offset_rad: amplitude[0] * STEP_RAD,
         }
-    }
-
-    fn is_carried(&self) -> bool {
-        true
     }
 }

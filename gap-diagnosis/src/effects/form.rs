@@ -40,15 +40,17 @@ pub enum Turn {
 ///
 /// What is left to its default is so for most effects.
 pub trait Form: Any + Debug + Sync {
-    /// Identifier of the effect.
-    fn name(&self) -> &'static str;
-
     /// The effect at these amplitudes and this shape, as a robot file would write it. Where there is no shape it is zero.
     fn effect(&self, amplitude: &[f64], shape: f64, scale: &Scale) -> Effect;
 
     /// Whether it may be there and would show.
     fn may_show(&self, _shown: Shown, _scale: &Scale) -> bool {
         true
+    }
+
+    /// Of two that explain the same, the one that comes first is named first: the usual cause before the seldom one.
+    fn comes(&self) -> u8 {
+        0
     }
 
     /// Shapes at which it is tried; none where it has no shape.
@@ -108,16 +110,6 @@ pub trait Form: Any + Debug + Sync {
 
     /// Whether what repeats does so at several numbers of cycles.
     fn has_harmonics(&self) -> bool {
-        false
-    }
-
-    /// Whether several joints may see it by one cause: of the whole arm, or of the bus.
-    fn is_shared(&self) -> bool {
-        false
-    }
-
-    /// Whether it changes what the gear carries, so that a torque sensor behind the gear shows it and not what drive and motor do.
-    fn is_carried(&self) -> bool {
         false
     }
 }

@@ -10,10 +10,6 @@ use crate::twin::scale::Scale;
 pub struct GravityTorque;
 
 impl Form for GravityTorque {
-    fn name(&self) -> &'static str {
-        "gravity_torque"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, scale: &Scale) -> Effect {
         let step_nm = friction_step_nm(scale);
         Effect::GravityTorque {
@@ -24,9 +20,5 @@ impl Form for GravityTorque {
 
     fn amplitudes(&self) -> usize {
         2
-    }
-
-    fn is_carried(&self) -> bool {
-        true
     }
 }

@@ -10,10 +10,6 @@ use crate::twin::scale::Scale;
 pub struct JointSpring;
 
 impl Form for JointSpring {
-    fn name(&self) -> &'static str {
-        "joint_spring"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, scale: &Scale) -> Effect {
         let stiffness = amplitude[0];
         Effect::JointSpring {
@@ -32,10 +28,6 @@ impl Form for JointSpring {
 
     /// A spring's torque at zero needs a spring.
     fn needs_first(&self) -> bool {
-        true
-    }
-
-    fn is_carried(&self) -> bool {
         true
     }
 }

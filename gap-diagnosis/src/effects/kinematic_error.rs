@@ -11,10 +11,6 @@ use crate::twin::scale::Scale;
 pub struct KinematicError;
 
 impl Form for KinematicError {
-    fn name(&self) -> &'static str {
-        "kinematic_error"
-    }
-
     fn effect(&self, amplitude: &[f64], cycles: f64, scale: &Scale) -> Effect {
         let Wave { size, phase_rad } = Wave::of(amplitude);
         let step_rad = TWIST_STEP * scale.twist_rad();

@@ -9,10 +9,6 @@ use crate::twin::scale::Scale;
 pub struct LinkInertia;
 
 impl Form for LinkInertia {
-    fn name(&self) -> &'static str {
-        "link_inertia"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, scale: &Scale) -> Effect {
         Effect::LinkInertia {
             inertia_kg_m2: amplitude[0] * INERTIA_STEP * scale.inertia_kg_m2,
@@ -21,10 +17,6 @@ impl Form for LinkInertia {
 
     fn lowest(&self, scale: &Scale) -> f64 {
         -scale.spare_link_inertia_kg_m2 / (INERTIA_STEP * scale.inertia_kg_m2)
-    }
-
-    fn is_carried(&self) -> bool {
-        true
     }
 }
 

@@ -1,48 +1,80 @@
 //! The list of all effects, and which of them may be fitted to a joint.
 
-use super::form::Form;
-use super::{Hypothesis, command_delay, current_loop_lag};
+use robot::{EffectKind, Part};
+
+use super::form::{Form, Turn};
+use super::*;
 use crate::twin::scale::Scale;
 
-/// What may be fitted from the start. Of two that explain the same, the one that comes first is named first.
-const PLAIN: &[&dyn Form] = &[
-    &super::coulomb_friction::CoulombFriction,
-    &super::viscous_friction::ViscousFriction,
-    &super::quadratic_friction::QuadraticFriction,
-    &super::stribeck_friction::StribeckFriction,
-    &super::asymmetric_friction::AsymmetricFriction,
-    &super::load_dependent_friction::LoadDependentFriction,
-    &super::torsional_compliance::TorsionalCompliance,
-    &super::soft_windup::SoftWindup,
-    &super::torsional_hysteresis::TorsionalHysteresis,
-    &super::structural_damping::StructuralDamping,
-    &super::thermal_friction_drift::ConstantDrift,
-    &super::thermal_friction_drift::FirstOrderDrift,
-    &super::torque_constant_error::TorqueConstantError,
-    &super::torque_offset::TorqueOffset,
-    &super::torque_saturation::TorqueSaturation,
-    &super::current_loop_lag::CurrentLoopLag,
-    &super::command_delay::CommandDelay,
-    &super::sensor_delay::SensorDelay,
-    &super::payload::Payload,
-    &super::link_inertia::LinkInertia,
-    &super::rotor_inertia::RotorInertia,
-    &super::gravity_torque::GravityTorque,
-    &super::joint_spring::JointSpring,
-    &super::base_tilt::BaseTilt,
-    &super::encoder_offset::EncoderOffset,
-    &super::encoder_eccentricity::LinkEccentricity,
-    &super::payload::PayloadAt,
-    &super::backlash::Backlash,
-];
+/// How each effect is fitted.
+fn forms(kind: EffectKind) -> &'static [&'static dyn Form] {
+    match kind {
+        EffectKind::CoulombFriction => &[&coulomb_friction::CoulombFriction],
+        EffectKind::ViscousFriction => &[&viscous_friction::ViscousFriction],
+        EffectKind::QuadraticFriction => &[&quadratic_friction::QuadraticFriction],
+        EffectKind::StribeckFriction => &[&stribeck_friction::StribeckFriction],
+        EffectKind::AsymmetricFriction => &[&asymmetric_friction::AsymmetricFriction],
+        EffectKind::LoadDependentFriction => &[&load_dependent_friction::LoadDependentFriction],
+        EffectKind::PositionDependentFriction => {
+            &[&position_dependent_friction::PositionDependentFriction]
+        }
+        EffectKind::KinematicError => &[&kinematic_error::KinematicError],
+        EffectKind::TorsionalCompliance => &[&torsional_compliance::TorsionalCompliance],
+        EffectKind::SoftWindup => &[&soft_windup::SoftWindup],
+        EffectKind::TorsionalHysteresis => &[&torsional_hysteresis::TorsionalHysteresis],
+        EffectKind::StructuralDamping => &[&structural_damping::StructuralDamping],
+        EffectKind::Backlash => &[&backlash::Backlash],
+        EffectKind::ThermalFrictionDrift => &[
+            &thermal_friction_drift::ConstantDrift,
+            &thermal_friction_drift::FirstOrderDrift,
+        ],
+        EffectKind::TorqueConstantError => &[&torque_constant_error::TorqueConstantError],
+        EffectKind::TorqueOffset => &[&torque_offset::TorqueOffset],
+        EffectKind::TorqueRipple => &[&torque_ripple::TorqueRipple],
+        EffectKind::TorqueSaturation => &[&torque_saturation::TorqueSaturation],
+        EffectKind::CurrentLoopLag => &[&current_loop_lag::CurrentLoopLag],
+        EffectKind::Payload => &[&payload::Payload, &payload::PayloadAt],
+        EffectKind::LinkInertia => &[&link_inertia::LinkInertia],
+        EffectKind::RotorInertia => &[&rotor_inertia::RotorInertia],
+        EffectKind::GravityTorque => &[&gravity_torque::GravityTorque],
+        EffectKind::JointSpring => &[&joint_spring::JointSpring],
+        EffectKind::BaseTilt => &[&base_tilt::BaseTilt],
+        EffectKind::EncoderOffset => &[&encoder_offset::EncoderOffset],
+        EffectKind::EncoderEccentricity => &[
+            &encoder_eccentricity::MotorEccentricity,
+            &encoder_eccentricity::LinkEccentricity,
+        ],
+        EffectKind::CommandDelay => &[&command_delay::CommandDelay],
+        EffectKind::SensorDelay => &[&sensor_delay::SensorDelay],
+        // never: the samples show these by themselves, see `checks`
+        EffectKind::EncoderQuantisation
+        | EffectKind::VelocityFilterLag
+        | EffectKind::DroppedCommands
+        | EffectKind::DroppedSamples => &[],
+    }
+}
 
-/// What repeats with the motor's turn.
-const PERIODIC: [&dyn Form; 4] = [
-    &super::position_dependent_friction::PositionDependentFriction,
-    &super::kinematic_error::KinematicError,
-    &super::torque_ripple::TorqueRipple,
-    &super::encoder_eccentricity::MotorEccentricity,
-];
+/// Of two that explain the same, the one that comes first is named first: what is nearer to the motor's friction.
+fn place(part: Part) -> usize {
+    match part {
+        Part::Friction => 0,
+        Part::Gear => 1,
+        Part::Warming => 2,
+        Part::Actuator => 3,
+        Part::Bus => 4,
+        Part::Load | Part::Bodies => 5,
+        Part::Sensors => 6,
+    }
+}
+
+fn all() -> impl Iterator<Item = (EffectKind, &'static dyn Form)> {
+    let kinds = EffectKind::ALL.iter().copied();
+    kinds.flat_map(|kind| forms(kind).iter().map(move |form| (kind, *form)))
+}
+
+fn repeats_with_motor(form: &dyn Form) -> bool {
+    form.repeats_with() == Some(Turn::Motor)
+}
 
 /// What of a robot is there and recorded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,20 +91,25 @@ pub struct Shown {
 
 /// What may be fitted to a joint, periodic effects aside: those come from [`periodic`] once their cycles are known.
 pub fn plain(scale: &Scale, shown: Shown) -> Vec<Hypothesis> {
-    PLAIN
-        .iter()
-        .filter(|form| form.may_show(shown, scale))
-        .flat_map(|form| tried(*form, scale))
+    let may_show = |(_, form): &(EffectKind, &dyn Form)| {
+        !repeats_with_motor(*form) && form.may_show(shown, scale)
+    };
+    let mut fitted: Vec<_> = all().filter(may_show).collect();
+    fitted.sort_by_key(|(kind, form)| (form.comes(), place(kind.part())));
+    let each = fitted.into_iter();
+    each.flat_map(|(kind, form)| tried(kind, form, scale))
         .collect()
 }
 
 /// A form at each shape and each reach at which it is tried.
-fn tried(form: &'static dyn Form, scale: &Scale) -> Vec<Hypothesis> {
+fn tried(kind: EffectKind, form: &'static dyn Form, scale: &Scale) -> Vec<Hypothesis> {
     let shapes = form.shapes(scale);
-    let shapes = shapes.iter().map(|shape| Hypothesis::new(form, &[*shape]));
+    let shapes = shapes
+        .iter()
+        .map(|shape| Hypothesis::new(kind, form, &[*shape]));
     let mut shaped: Vec<Hypothesis> = shapes.collect();
     if shaped.is_empty() {
-        shaped.push(Hypothesis::new(form, &[]));
+        shaped.push(Hypothesis::new(kind, form, &[]));
     }
     let reaching = |of: Hypothesis| {
         let reaches = form.reaches().iter();
@@ -83,52 +120,32 @@ fn tried(form: &'static dyn Form, scale: &Scale) -> Vec<Hypothesis> {
 
 /// A lag of the current loop, and a delay of the command, as they were read off the samples.
 pub fn lag(time_constant_s: f64) -> (Hypothesis, f64) {
-    let hypothesis = Hypothesis::new(&current_loop_lag::CurrentLoopLag, &[]);
+    let form = &current_loop_lag::CurrentLoopLag;
+    let hypothesis = Hypothesis::new(EffectKind::CurrentLoopLag, form, &[]);
     (hypothesis, time_constant_s / current_loop_lag::STEP_S)
 }
 
 /// See [`lag`].
 pub fn delay(delay_s: f64, scale: &Scale) -> (Hypothesis, f64) {
-    let hypothesis = Hypothesis::new(&command_delay::CommandDelay, &[]);
+    let form = &command_delay::CommandDelay;
+    let hypothesis = Hypothesis::new(EffectKind::CommandDelay, form, &[]);
     (hypothesis, delay_s / scale.period_s)
 }
 
 /// The effects that repeat with the motor's turn, at so many cycles a turn.
-pub fn periodic(cycles_per_motor_rev: f64) -> [Hypothesis; 4] {
-    PERIODIC.map(|form| Hypothesis::new(form, &[cycles_per_motor_rev]))
+pub fn periodic(cycles_per_motor_rev: f64) -> Vec<Hypothesis> {
+    let of_motor = all().filter(|(_, form)| repeats_with_motor(*form));
+    let at = |(kind, form)| Hypothesis::new(kind, form, &[cycles_per_motor_rev]);
+    of_motor.map(at).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use robot::Effect;
-
     use super::*;
     use crate::effects::tests::{ARM, scale};
 
     #[test]
-    fn every_effect_that_a_simulation_shows_has_a_hypothesis() {
-        // the others are seen in the samples themselves
-        let beside = [
-            "encoder_quantisation",
-            "velocity_filter_lag",
-            "dropped_commands",
-            "dropped_samples",
-        ];
-        let mut names: Vec<&str> = plain(&scale(), ARM)
-            .iter()
-            .chain(&periodic(2.0))
-            .map(|hypothesis| hypothesis.effect)
-            .chain(beside)
-            .collect();
-        names.sort_unstable();
-        names.dedup();
-        let mut all = Effect::names().to_vec();
-        all.sort_unstable();
-        assert_eq!(names, all);
-    }
-
-    #[test]
-    fn effects_carry_the_name_of_their_hypothesis() {
+    fn the_forms_of_an_effect_write_that_effect() {
         let alone = Shown { joints: 1, ..ARM };
         for hypothesis in [ARM, alone]
             .iter()
@@ -136,15 +153,14 @@ mod tests {
             .chain(periodic(2.0))
         {
             let ones = vec![1.0; hypothesis.amplitudes()];
-            assert_eq!(hypothesis.effect(&ones, &scale()).name(), hypothesis.effect);
+            assert_eq!(hypothesis.effect(&ones, &scale()).kind(), hypothesis.kind);
         }
     }
 
     #[test]
     fn the_forms_are_told_apart_by_their_type() {
-        let all: Vec<&dyn Form> = PLAIN.iter().copied().chain(PERIODIC).collect();
-        for (row, one) in all.iter().enumerate() {
-            for (column, other) in all.iter().enumerate() {
+        for (row, (_, one)) in all().enumerate() {
+            for (column, (_, other)) in all().enumerate() {
                 assert_eq!(one == other, row == column, "{one:?} and {other:?}");
             }
         }

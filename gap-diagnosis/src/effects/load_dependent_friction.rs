@@ -11,10 +11,6 @@ const STEP: f64 = 0.01;
 pub struct LoadDependentFriction;
 
 impl Form for LoadDependentFriction {
-    fn name(&self) -> &'static str {
-        "load_dependent_friction"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, _: &Scale) -> Effect {
         Effect::LoadDependentFriction {
             load_coefficient: amplitude[0] * STEP,

@@ -1,6 +1,7 @@
-//! Every effect of the table as something that can be fitted: amplitudes that enter linearly, and a shape that does not.
+//! Every effect of the robot files as something that can be fitted: amplitudes that enter linearly, and a shape that does not.
 //!
-//! One effect, one file; it says of itself what the trait `Form` asks. A new effect is a new file, and its line in the list of `list.rs`.
+//! One effect, one file; it says of itself what the trait `Form` asks. What an effect is, where it acts and what it does says
+//! [`robot::effect`]; `list.rs` does not compile until each has its forms there, or it is said that the samples show it.
 
 mod asymmetric_friction;
 mod backlash;
@@ -24,7 +25,6 @@ mod quadratic_friction;
 mod rotor_inertia;
 mod sensor_delay;
 mod soft_windup;
-pub mod stage;
 mod stribeck_friction;
 mod structural_damping;
 mod thermal_friction_drift;
@@ -38,18 +38,17 @@ mod viscous_friction;
 mod wave;
 
 use arrayvec::ArrayVec;
-use robot::Effect;
+use robot::{Effect, EffectKind, Scope, Stage};
 
 use self::form::{Form, Turn};
 pub use self::list::{Shown, delay, lag, periodic, plain};
-use crate::effects::stage::Stage;
 use crate::twin::scale::Scale;
 
 /// An effect to be fitted, at one shape.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hypothesis {
-    /// Identifier of the effect.
-    pub effect: &'static str,
+    /// Which effect.
+    pub kind: EffectKind,
     form: &'static dyn Form,
     /// Parameters that do not enter linearly, each above zero.
     pub shape: ArrayVec<f64, 2>,
@@ -61,13 +60,18 @@ pub struct Hypothesis {
 pub type Amplitudes = ArrayVec<f64, 4>;
 
 impl Hypothesis {
-    fn new(form: &'static dyn Form, shape: &[f64]) -> Self {
+    fn new(kind: EffectKind, form: &'static dyn Form, shape: &[f64]) -> Self {
         Self {
-            effect: form.name(),
+            kind,
             form,
             shape: shape.iter().copied().collect(),
             reach: 1.0,
         }
+    }
+
+    /// Its identifier.
+    pub fn name(&self) -> &'static str {
+        self.kind.name()
     }
 
     /// The same effect, with its response found at so large an amplitude.
@@ -81,7 +85,7 @@ impl Hypothesis {
     /// The same effect at another shape.
     #[must_use]
     pub fn shaped(&self, shape: &[f64]) -> Self {
-        Self::new(self.form, shape)
+        Self::new(self.kind, self.form, shape)
     }
 
     /// How many amplitudes there are.
@@ -111,7 +115,7 @@ impl Hypothesis {
 
     /// Whether it is a cause of the whole arm, of which every joint carries its part.
     pub fn is_of_arm(&self) -> bool {
-        self.form.is_shared() && self.form.is_carried()
+        self.kind.scope() == Scope::WholeArm
     }
 
     /// Whether the shape is found by fitting. A whole number of cycles is what a shaft does, and stays.
@@ -196,7 +200,7 @@ impl Hypothesis {
 
     /// The stage of the joint that the effect belongs to.
     pub fn stage(&self) -> Stage {
-        Stage::of(self.effect)
+        self.kind.stage()
     }
 }
 
@@ -240,11 +244,11 @@ pub(crate) mod tests {
     fn one_effect_at_two_numbers_of_cycles_repeats_unless_it_has_harmonics() {
         let (once, twice) = (periodic(1.0), periodic(2.0));
         for (one, other) in once.iter().zip(&twice) {
-            assert_eq!(one.repeats(other), one.effect != "kinematic_error");
+            assert_eq!(one.repeats(other), one.kind != EffectKind::KinematicError);
         }
         assert!(!once[0].repeats(&twice[2]));
         for of in &twice {
-            let is_kinematic = of.effect == "kinematic_error";
+            let is_kinematic = of.kind == EffectKind::KinematicError;
             assert_eq!(of.harmonics() == [4.0, 6.0], is_kinematic, "{of:?}");
         }
         let plain = plain(&scale(), ARM);

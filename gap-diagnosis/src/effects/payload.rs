@@ -10,7 +10,6 @@ use super::Shown;
 use super::form::Form;
 use crate::twin::scale::Scale;
 
-const NAME: &str = "payload";
 const STEP_KG: f64 = 0.1;
 const STEP_M: f64 = 0.1;
 /// How far off a payload is tried that one joint alone carries, and between which distances it is sought.
@@ -22,10 +21,6 @@ const DISTANCES_M: [f64; 2] = [0.02, 2.0];
 pub struct Payload;
 
 impl Form for Payload {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, _: &Scale) -> Effect {
         let mass = amplitude[0];
         // a mass of nothing has its centre nowhere
@@ -58,14 +53,6 @@ impl Form for Payload {
     fn needs_first(&self) -> bool {
         true
     }
-
-    fn is_shared(&self) -> bool {
-        true
-    }
-
-    fn is_carried(&self) -> bool {
-        true
-    }
 }
 
 /// By its moments across the axis, at a distance from it.
@@ -73,10 +60,6 @@ impl Form for Payload {
 pub struct PayloadAt;
 
 impl Form for PayloadAt {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
     fn effect(&self, amplitude: &[f64], distance_m: f64, scale: &Scale) -> Effect {
         let moment = scale.across_axis[0] * amplitude[0] + scale.across_axis[1] * amplitude[1];
         let size = moment.norm();
@@ -95,6 +78,10 @@ impl Form for PayloadAt {
         shown.joints == 1
     }
 
+    fn comes(&self) -> u8 {
+        1
+    }
+
     fn shapes(&self, _: &Scale) -> Vec<f64> {
         vec![DISTANCE_M]
     }
@@ -110,10 +97,6 @@ impl Form for PayloadAt {
 
     fn amplitudes(&self) -> usize {
         2
-    }
-
-    fn is_carried(&self) -> bool {
-        true
     }
 }
 

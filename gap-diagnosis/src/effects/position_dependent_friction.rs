@@ -11,10 +11,6 @@ use crate::twin::scale::Scale;
 pub struct PositionDependentFriction;
 
 impl Form for PositionDependentFriction {
-    fn name(&self) -> &'static str {
-        "position_dependent_friction"
-    }
-
     fn effect(&self, amplitude: &[f64], cycles: f64, scale: &Scale) -> Effect {
         let Wave { size, phase_rad } = Wave::of(amplitude);
         Effect::PositionDependentFriction {

@@ -9,10 +9,6 @@ use crate::twin::scale::Scale;
 pub struct QuadraticFriction;
 
 impl Form for QuadraticFriction {
-    fn name(&self) -> &'static str {
-        "quadratic_friction"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, scale: &Scale) -> Effect {
         Effect::QuadraticFriction {
             quadratic_nm_s2_rad2: amplitude[0] * friction_step_nm(scale)

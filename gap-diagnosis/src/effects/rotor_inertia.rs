@@ -9,10 +9,6 @@ use crate::twin::scale::Scale;
 pub struct RotorInertia;
 
 impl Form for RotorInertia {
-    fn name(&self) -> &'static str {
-        "rotor_inertia"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, scale: &Scale) -> Effect {
         let added_kg_m2 = amplitude[0] * INERTIA_STEP * scale.inertia_kg_m2;
         Effect::RotorInertia {

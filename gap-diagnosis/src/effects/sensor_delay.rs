@@ -10,10 +10,6 @@ use crate::twin::scale::Scale;
 pub struct SensorDelay;
 
 impl Form for SensorDelay {
-    fn name(&self) -> &'static str {
-        "sensor_delay"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, scale: &Scale) -> Effect {
         Effect::SensorDelay {
             delay_s: amplitude[0] * scale.period_s,
@@ -25,10 +21,6 @@ impl Form for SensorDelay {
     }
 
     fn is_positive(&self) -> bool {
-        true
-    }
-
-    fn is_shared(&self) -> bool {
         true
     }
 }

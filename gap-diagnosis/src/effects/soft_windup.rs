@@ -10,10 +10,6 @@ use crate::twin::scale::Scale;
 pub struct SoftWindup;
 
 impl Form for SoftWindup {
-    fn name(&self) -> &'static str {
-        "soft_windup"
-    }
-
     fn effect(&self, amplitude: &[f64], knee_nm: f64, scale: &Scale) -> Effect {
         let compliance = 1.0 + 4.0 * COMPLIANCE_STEP * amplitude[0];
         Effect::SoftWindup {

@@ -12,10 +12,6 @@ const CREEPING_RAD_S: f64 = 0.008;
 pub struct StribeckFriction;
 
 impl Form for StribeckFriction {
-    fn name(&self) -> &'static str {
-        "stribeck_friction"
-    }
-
     fn effect(&self, amplitude: &[f64], velocity_rad_s: f64, scale: &Scale) -> Effect {
         Effect::StribeckFriction {
             stribeck_nm: amplitude[0] * friction_step_nm(scale),

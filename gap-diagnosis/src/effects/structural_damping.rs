@@ -9,10 +9,6 @@ use crate::twin::scale::Scale;
 pub struct StructuralDamping;
 
 impl Form for StructuralDamping {
-    fn name(&self) -> &'static str {
-        "structural_damping"
-    }
-
     fn effect(&self, amplitude: &[f64], exponent: f64, scale: &Scale) -> Effect {
         Effect::StructuralDamping {
             damping_nm_s_rad: amplitude[0] * friction_step_nm(scale) / (0.01 * scale.speed_rad_s),

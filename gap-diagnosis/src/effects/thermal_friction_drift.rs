@@ -6,7 +6,6 @@ use robot::Effect;
 use super::form::{Form, friction_step_nm};
 use crate::twin::scale::Scale;
 
-const NAME: &str = "thermal_friction_drift";
 /// Steps of what a second changes: a part of friction's.
 const RATE_STEP: f64 = 0.1;
 
@@ -14,10 +13,6 @@ const RATE_STEP: f64 = 0.1;
 pub struct ConstantDrift;
 
 impl Form for ConstantDrift {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, scale: &Scale) -> Effect {
         Effect::ThermalFrictionDrift {
             drift_nm_s: Some(amplitude[0] * RATE_STEP * friction_step_nm(scale)),
@@ -31,10 +26,6 @@ impl Form for ConstantDrift {
 pub struct FirstOrderDrift;
 
 impl Form for FirstOrderDrift {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
     fn effect(&self, amplitude: &[f64], time_constant_s: f64, scale: &Scale) -> Effect {
         Effect::ThermalFrictionDrift {
             drift_nm_s: None,

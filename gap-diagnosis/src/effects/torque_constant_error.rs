@@ -11,10 +11,6 @@ const STEP: f64 = 0.01;
 pub struct TorqueConstantError;
 
 impl Form for TorqueConstantError {
-    fn name(&self) -> &'static str {
-        "torque_constant_error"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, _: &Scale) -> Effect {
         Effect::TorqueConstantError {
             gain: 1.0 + amplitude[0] * STEP,

@@ -9,10 +9,6 @@ use crate::twin::scale::Scale;
 pub struct TorqueOffset;
 
 impl Form for TorqueOffset {
-    fn name(&self) -> &'static str {
-        "torque_offset"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, scale: &Scale) -> Effect {
         Effect::TorqueOffset {
             offset_nm: amplitude[0] * friction_step_nm(scale),

@@ -11,10 +11,6 @@ use crate::twin::scale::Scale;
 pub struct TorqueRipple;
 
 impl Form for TorqueRipple {
-    fn name(&self) -> &'static str {
-        "torque_ripple"
-    }
-
     fn effect(&self, amplitude: &[f64], cycles: f64, scale: &Scale) -> Effect {
         let Wave { size, phase_rad } = Wave::of(amplitude);
         Effect::TorqueRipple {

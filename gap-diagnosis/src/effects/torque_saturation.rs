@@ -13,10 +13,6 @@ const JUST_BELOW: [f64; 2] = [1.0, 0.99];
 pub struct TorqueSaturation;
 
 impl Form for TorqueSaturation {
-    fn name(&self) -> &'static str {
-        "torque_saturation"
-    }
-
     fn effect(&self, _: &[f64], limit_nm: f64, _: &Scale) -> Effect {
         Effect::TorqueSaturation { limit_nm }
     }

@@ -10,10 +10,6 @@ use crate::twin::scale::Scale;
 pub struct TorsionalCompliance;
 
 impl Form for TorsionalCompliance {
-    fn name(&self) -> &'static str {
-        "torsional_compliance"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, scale: &Scale) -> Effect {
         Effect::TorsionalCompliance {
             stiffness_nm_rad: softened_nm_rad(amplitude[0], scale),

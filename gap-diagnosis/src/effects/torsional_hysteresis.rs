@@ -10,10 +10,6 @@ use crate::twin::scale::Scale;
 pub struct TorsionalHysteresis;
 
 impl Form for TorsionalHysteresis {
-    fn name(&self) -> &'static str {
-        "torsional_hysteresis"
-    }
-
     fn effect(&self, amplitude: &[f64], yield_rad: f64, scale: &Scale) -> Effect {
         Effect::TorsionalHysteresis {
             width_nm: amplitude[0] * friction_step_nm(scale),

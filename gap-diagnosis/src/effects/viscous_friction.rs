@@ -9,10 +9,6 @@ use crate::twin::scale::Scale;
 pub struct ViscousFriction;
 
 impl Form for ViscousFriction {
-    fn name(&self) -> &'static str {
-        "viscous_friction"
-    }
-
     fn effect(&self, amplitude: &[f64], _: f64, scale: &Scale) -> Effect {
         Effect::ViscousFriction {
             viscous_nm_s_rad: amplitude[0] * friction_step_nm(scale) / scale.speed_rad_s,

@@ -10,11 +10,11 @@ use super::rows::Rows;
 use super::shares::{Game, Interval, Shares};
 use super::{Evidence, Fit, Names, Scored};
 use crate::effects::numbers::{numbers, side};
-use crate::effects::stage::Stage;
 use crate::report::{
     BandShare, BeforeAfter, Candidate, Confusable, Gap, JointReport, NamedEffect, Parameter,
     Regime, Remaining, RemainsOver, SignalGap, Verdict, Where,
 };
+use robot::Stage;
 
 /// Share of the gap below which an effect is a minor one, unless the reader wants another.
 pub const MATERIALITY: f64 = 0.02;
@@ -450,7 +450,9 @@ impl Found<'_> {
     fn place(&self, effects: &[NamedEffect], gap_nm: &[f64], remaining: &[RemainsOver]) -> Where {
         let mut stages: BTreeMap<Stage, f64> = BTreeMap::new();
         for effect in effects {
-            *stages.entry(Stage::of(&effect.effect)).or_default() += effect.share.max(0.0);
+            if let Some(stage) = Stage::of(&effect.effect) {
+                *stages.entry(stage).or_default() += effect.share.max(0.0);
+            }
         }
         let largest = stages.iter().max_by(|a, b| a.1.total_cmp(b.1));
         let stage = largest.map(|(stage, _)| *stage);
@@ -482,7 +484,7 @@ impl Found<'_> {
             .map(|index| self.evidence.scored(1 << index))
             .max_by(|a, b| a.score.total_cmp(&b.score))?;
         let index = best.names.trailing_zeros() as usize;
-        Some(Stage::of(self.name_in(best.names, index)))
+        Stage::of(self.name_in(best.names, index))
     }
 }
 

@@ -2,13 +2,14 @@
 //! dynamics, which cannot run away from the recording.
 
 use joint_model::friction::Sliding;
+use joint_model::harmonic;
 use joint_model::rigid_body::{Chain, Link};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use robot::{Robot, Tolerance};
 
 use super::motion::{JointMotion, Piece};
 use super::signals::TorqueSource;
-use crate::twin::joint::{JointModel, sum};
+use crate::twin::joint::JointModel;
 use crate::twin::known::{self, KnownValue};
 
 /// Of the largest change that a tolerance makes, the least that counts: a smaller one is not seen beside it.
@@ -319,7 +320,7 @@ impl Drive {
             ];
             let [sin_nm, cos_nm] = model.gravity_sin_cos_nm;
             let springs = model.springs.iter();
-            let springs_nm: f64 = springs.map(|s| s.stiffness_nm_rad * (q - s.rest_rad)).sum();
+            let springs_nm: f64 = springs.map(|spring| spring.holding_nm(q)).sum();
             let friction = &model.friction;
             let load_nm = rigid_nm[k] + sin_nm * q.sin() + cos_nm * q.cos() + springs_nm;
             let load_nm = load_nm + friction.tables.held_nm(q, load_nm);
@@ -334,7 +335,7 @@ impl Drive {
             if self.feels_rotor {
                 torque_nm += model.rotor_inertia_kg_m2 * a;
                 torque_nm -= model.torque_offset_nm;
-                torque_nm -= model.gear_ratio * sum(&model.torque_ripple, motor_rad);
+                torque_nm -= model.gear_ratio * harmonic::sum(&model.torque_ripple, motor_rad);
                 torque_nm /= model.torque_gain;
             }
             torque_nm

@@ -167,9 +167,7 @@ pub(crate) fn mass_column_kg_m2(chain: &Chain, position_rad: &[f64], joint: usiz
 /// Where the gear's output would be without load.
 fn behind(gears: &[Option<JointModel>], joint: usize, motor_rad: f64) -> f64 {
     let error_rad = gears[joint].as_ref().map_or(0.0, |gear| {
-        let (error_rad, _) = gear
-            .kinematic_error
-            .error_and_slope(motor_rad * gear.gear_ratio);
+        let (error_rad, _) = gear.kinematic_error(motor_rad * gear.gear_ratio);
         error_rad
     });
     motor_rad + error_rad

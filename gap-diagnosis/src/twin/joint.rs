@@ -1,12 +1,18 @@
 //! One joint as the simulation has it: what the robot file says, with changes.
 
-use arrayvec::ArrayVec;
 use joint_model::friction::{Sliding, SteadyFriction, ThermalFrictionDrift};
+use joint_model::harmonic::{self, Harmonic};
+use joint_model::joint_spring::JointSpring;
 use joint_model::transmission::{
-    Backlash, KinematicError, KinematicHarmonic, LinearCompliance, SoftWindup, Spring,
-    StructuralDamping, TorsionalHysteresis,
+    Backlash, KinematicHarmonic, LinearCompliance, SoftWindup, Spring, StructuralDamping,
+    TorsionalHysteresis, kinematic_error,
 };
-use robot::{Effect, EncoderSide, Robot, add_friction};
+use robot::effect::parts::{
+    Actuator, Bus, Full, Gear, JointParts, Load, Sensors, SoftStart, Warming, either_lost,
+};
+use robot::{Bodies, Effect, EncoderSide, Part, Robot};
+
+use crate::twin::TwinError;
 
 /// No change makes the gear softer than this.
 const STIFFNESS_MIN_NM_RAD: f64 = 1.0;
@@ -18,43 +24,6 @@ const PRESLIDING_RAD: f64 = 2e-4;
 const STIFF_RAD: f64 = 1e-5;
 /// Such a gear is at least this stiff.
 const STIFF_MIN_NM_RAD: f64 = 1e4;
-
-/// The most terms of a kind that one joint is given.
-const TERMS_MAX: usize = 8;
-
-/// A sine over an angle.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Harmonic {
-    /// Of the quantity it adds to.
-    pub amplitude: f64,
-    /// Per revolution of the angle.
-    pub cycles_per_rev: f64,
-    /// At angle zero.
-    pub phase_rad: f64,
-}
-
-impl Harmonic {
-    fn at(&self, angle_rad: f64) -> f64 {
-        self.amplitude * (self.cycles_per_rev * angle_rad + self.phase_rad).sin()
-    }
-}
-
-/// Sum of harmonics at an angle.
-pub(crate) fn sum(harmonics: &[Harmonic], angle_rad: f64) -> f64 {
-    harmonics
-        .iter()
-        .map(|harmonic| harmonic.at(angle_rad))
-        .sum()
-}
-
-/// A spring to a rest position.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct JointSpring {
-    /// At the joint.
-    pub stiffness_nm_rad: f64,
-    /// Where it pulls to.
-    pub rest_rad: f64,
-}
 
 /// One joint's physics, joint side where nothing else is said.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,13 +51,13 @@ pub struct JointModel {
     /// Lost motion.
     pub backlash: Backlash,
     /// Position error of the gear.
-    pub kinematic_error: KinematicError,
+    pub kinematic_harmonics: Vec<KinematicHarmonic>,
     /// True over nominal torque constant.
     pub torque_gain: f64,
     /// Added to the motor torque.
     pub torque_offset_nm: f64,
     /// Motor side.
-    pub torque_ripple: ArrayVec<Harmonic, TERMS_MAX>,
+    pub torque_ripple: Vec<Harmonic>,
     /// Motor side.
     pub torque_limit_nm: f64,
     /// Of the current loop.
@@ -96,13 +65,13 @@ pub struct JointModel {
     /// Added torque that holds the joint, with the sine and the cosine of its angle.
     pub gravity_sin_cos_nm: [f64; 2],
     /// Springs between the links.
-    pub springs: ArrayVec<JointSpring, TERMS_MAX>,
+    pub springs: Vec<JointSpring>,
     /// Of both encoders, joint side.
     pub encoder_offset_rad: f64,
     /// On the motor angle, motor side.
-    pub motor_eccentricity: ArrayVec<Harmonic, TERMS_MAX>,
+    pub motor_eccentricity: Vec<Harmonic>,
     /// On the link angle.
-    pub link_eccentricity: ArrayVec<Harmonic, TERMS_MAX>,
+    pub link_eccentricity: Vec<Harmonic>,
     /// Motor side; zero for none.
     pub motor_resolution_rad: f64,
     /// Zero for none.
@@ -141,17 +110,17 @@ impl JointModel {
             hysteresis: None,
             structural_damping: None,
             backlash: Backlash::default(),
-            kinematic_error: KinematicError::default(),
+            kinematic_harmonics: Vec::new(),
             torque_gain: 1.0,
             torque_offset_nm: 0.0,
-            torque_ripple: ArrayVec::new(),
+            torque_ripple: Vec::new(),
             torque_limit_nm: file.torque_limit_nm.unwrap_or(f64::INFINITY),
             current_lag_s: 0.0,
             gravity_sin_cos_nm: [0.0; 2],
-            springs: ArrayVec::new(),
+            springs: Vec::new(),
             encoder_offset_rad: 0.0,
-            motor_eccentricity: ArrayVec::new(),
-            link_eccentricity: ArrayVec::new(),
+            motor_eccentricity: Vec::new(),
+            link_eccentricity: Vec::new(),
             motor_resolution_rad: file.motor_encoder_resolution_rad.unwrap_or(0.0),
             link_resolution_rad: file.link_encoder_resolution_rad.unwrap_or(0.0),
             link_skew_s: 0.0,
@@ -162,203 +131,31 @@ impl JointModel {
             sensor_delay_s: 0.0,
             dropped_commands: 0.0,
         };
-        for effect in &file.effects {
-            // friction is in `steady_friction`
-            model.add_beside_friction(effect);
-        }
-        for effect in &robot.shared_effects {
-            model.add_timing(effect);
+        let own = file.effects.iter().chain(&robot.shared_effects);
+        for effect in own.filter(|effect| effect.part() != Part::Friction) {
+            let acted = effect.act(&mut model, 1.0);
+            assert!(acted.is_ok(), "beside friction a model has room for all");
         }
         model
     }
 
-    /// The joint with an effect more. Effects on links and base change the load, not the joint: see
+    /// The joint with an effect more. Effects on the arm's bodies change the load, not the joint: see
     /// [`Load`](crate::twin::load::Load).
-    #[must_use]
-    pub fn with(&self, effect: &Effect) -> Self {
-        let mut model = self.clone();
-        // Terms beyond the room there is are left out: a diagnosis adds a few at most.
-        let _ = add_friction(&mut model.friction, effect, 1.0);
-        model.add_beside_friction(effect);
-        model
-    }
-
-    fn add_beside_friction(&mut self, effect: &Effect) {
-        self.add_transmission(effect);
-        self.add_actuator(effect);
-        self.add_load(effect);
-        self.add_sensing(effect);
-        self.add_timing(effect);
-    }
-
-    fn add_transmission(&mut self, effect: &Effect) {
-        match *effect {
-            Effect::TorsionalCompliance { stiffness_nm_rad } => {
-                // a change where there is a stiffness, the stiffness itself where the gear was rigid
-                let known_nm_rad = if self.stiffness_is_known {
-                    self.stiffness_nm_rad
-                } else {
-                    0.0
-                };
-                self.stiffness_nm_rad = (known_nm_rad + stiffness_nm_rad).max(STIFFNESS_MIN_NM_RAD);
-                self.stiffness_is_known = true;
-            }
-            Effect::SoftWindup {
-                low_stiffness_nm_rad,
-                knee_nm,
-            } => self.soft_windup = Some((low_stiffness_nm_rad, knee_nm)),
-            Effect::TorsionalHysteresis {
-                width_nm,
-                yield_rad,
-            } => {
-                self.hysteresis = Some(TorsionalHysteresis {
-                    width_nm,
-                    yield_rad,
-                })
-            }
-            Effect::StructuralDamping {
-                damping_nm_s_rad,
-                exponent,
-            } => {
-                self.structural_damping = Some(StructuralDamping {
-                    damping_nm_s_rad,
-                    exponent,
-                });
-            }
-            Effect::Backlash { gap_rad } => self.backlash.gap_rad += gap_rad,
-            Effect::KinematicError { .. } => self.add_kinematic_error(effect),
-            Effect::ThermalFrictionDrift {
-                drift_nm_s,
-                time_constant_s,
-                change_nm,
-            } => {
-                self.drift = match (drift_nm_s, time_constant_s, change_nm) {
-                    (Some(drift_nm_s), _, _) => Some(ThermalFrictionDrift::Constant { drift_nm_s }),
-                    (None, Some(time_constant_s), Some(change_nm)) => {
-                        Some(ThermalFrictionDrift::FirstOrder {
-                            change_nm,
-                            time_constant_s,
-                        })
-                    }
-                    _ => self.drift,
-                };
-            }
-            _ => {}
-        }
-    }
-
-    fn add_kinematic_error(&mut self, effect: &Effect) {
-        let Effect::KinematicError {
-            amplitude_rad,
-            cycles_per_motor_rev,
-            phase_rad,
-            amplitude_rad_2,
-            cycles_per_motor_rev_2,
-            phase_rad_2,
-            amplitude_rad_3,
-            cycles_per_motor_rev_3,
-            phase_rad_3,
-        } = *effect
-        else {
-            return;
+    ///
+    /// # Errors
+    /// [`TwinError::Full`] where its friction has no room for it.
+    pub fn with(mut self, effect: &Effect) -> Result<Self, TwinError> {
+        let full = |full| TwinError::Full {
+            effect: effect.name(),
+            full,
         };
-        for (amplitude_rad, cycles_per_motor_rev, phase_rad) in [
-            (amplitude_rad, cycles_per_motor_rev, phase_rad),
-            (amplitude_rad_2, cycles_per_motor_rev_2, phase_rad_2),
-            (amplitude_rad_3, cycles_per_motor_rev_3, phase_rad_3),
-        ] {
-            if amplitude_rad != 0.0 {
-                let _ = self.kinematic_error.harmonics.try_push(KinematicHarmonic {
-                    amplitude_rad,
-                    cycles_per_motor_rev,
-                    phase_rad,
-                });
-            }
-        }
+        effect.act(&mut self, 1.0).map_err(full)?;
+        Ok(self)
     }
 
-    fn add_actuator(&mut self, effect: &Effect) {
-        match *effect {
-            Effect::TorqueConstantError { gain } => self.torque_gain *= gain,
-            Effect::TorqueOffset { offset_nm } => self.torque_offset_nm += offset_nm,
-            Effect::TorqueRipple {
-                amplitude_nm,
-                cycles_per_motor_rev,
-                phase_rad,
-            } => {
-                let _ = self.torque_ripple.try_push(Harmonic {
-                    amplitude: amplitude_nm,
-                    cycles_per_rev: cycles_per_motor_rev,
-                    phase_rad,
-                });
-            }
-            Effect::TorqueSaturation { limit_nm } => {
-                self.torque_limit_nm = self.torque_limit_nm.min(limit_nm);
-            }
-            Effect::CurrentLoopLag { time_constant_s } => self.current_lag_s += time_constant_s,
-            _ => {}
-        }
-    }
-
-    fn add_load(&mut self, effect: &Effect) {
-        match *effect {
-            Effect::RotorInertia { inertia_kg_m2 } => {
-                self.rotor_inertia_kg_m2 += inertia_kg_m2 * self.gear_ratio.powi(2);
-            }
-            Effect::GravityTorque { sin_nm, cos_nm } => {
-                self.gravity_sin_cos_nm[0] += sin_nm;
-                self.gravity_sin_cos_nm[1] += cos_nm;
-            }
-            Effect::JointSpring {
-                stiffness_nm_rad,
-                rest_rad,
-            } => {
-                let _ = self.springs.try_push(JointSpring {
-                    stiffness_nm_rad,
-                    rest_rad,
-                });
-            }
-            _ => {}
-        }
-    }
-
-    fn add_sensing(&mut self, effect: &Effect) {
-        match *effect {
-            Effect::EncoderOffset { offset_rad } => self.encoder_offset_rad += offset_rad,
-            Effect::EncoderEccentricity {
-                amplitude_rad,
-                cycles_per_rev,
-                phase_rad,
-                side,
-            } => {
-                let harmonic = Harmonic {
-                    amplitude: amplitude_rad,
-                    cycles_per_rev,
-                    phase_rad,
-                };
-                let _ = match side {
-                    EncoderSide::Motor => self.motor_eccentricity.try_push(harmonic),
-                    EncoderSide::Link => self.link_eccentricity.try_push(harmonic),
-                };
-            }
-            Effect::EncoderQuantisation {
-                resolution_rad,
-                side,
-            } => match side {
-                EncoderSide::Motor => self.motor_resolution_rad = resolution_rad,
-                EncoderSide::Link => self.link_resolution_rad = resolution_rad,
-            },
-            _ => {}
-        }
-    }
-
-    fn add_timing(&mut self, effect: &Effect) {
-        match *effect {
-            Effect::CommandDelay { delay_s } => self.command_delay_s += delay_s,
-            Effect::SensorDelay { delay_s } => self.sensor_delay_s += delay_s,
-            Effect::DroppedCommands { fraction } => self.dropped_commands += fraction,
-            _ => {}
-        }
+    /// What the gear's output is ahead of its input, and its slope over the motor's angle.
+    pub(crate) fn kinematic_error(&self, motor_angle_rad: f64) -> (f64, f64) {
+        kinematic_error(&self.kinematic_harmonics, motor_angle_rad)
     }
 
     /// What the motor's encoder shows beyond the motor's angle, joint side.
@@ -367,12 +164,12 @@ impl JointModel {
             return self.encoder_offset_rad;
         }
         let ratio = self.gear_ratio;
-        self.encoder_offset_rad + sum(&self.motor_eccentricity, motor_rad * ratio) / ratio
+        self.encoder_offset_rad + harmonic::sum(&self.motor_eccentricity, motor_rad * ratio) / ratio
     }
 
     /// What the link's encoder shows beyond the link's angle.
     pub(crate) fn link_fault_rad(&self, link_rad: f64) -> f64 {
-        self.encoder_offset_rad + sum(&self.link_eccentricity, link_rad)
+        self.encoder_offset_rad + harmonic::sum(&self.link_eccentricity, link_rad)
     }
 
     /// Whether the gear's spring is a straight line.
@@ -413,4 +210,164 @@ impl JointModel {
             knee_nm,
         })
     }
+}
+
+impl JointParts for JointModel {
+    fn friction(&mut self) -> Option<&mut SteadyFriction> {
+        Some(&mut self.friction)
+    }
+
+    fn warming(&mut self) -> Option<&mut dyn Warming> {
+        Some(self)
+    }
+
+    fn gear(&mut self) -> Option<&mut dyn Gear> {
+        Some(self)
+    }
+
+    fn actuator(&mut self) -> Option<&mut dyn Actuator> {
+        Some(self)
+    }
+
+    fn load(&mut self) -> Option<&mut dyn Load> {
+        Some(self)
+    }
+
+    /// The load has them.
+    fn bodies(&mut self) -> Option<&mut Bodies> {
+        None
+    }
+
+    fn sensors(&mut self) -> Option<&mut dyn Sensors> {
+        Some(self)
+    }
+
+    fn bus(&mut self) -> Option<&mut dyn Bus> {
+        Some(self)
+    }
+}
+
+impl Warming for JointModel {
+    fn add_drift(&mut self, drift: ThermalFrictionDrift) {
+        self.drift = Some(drift);
+    }
+}
+
+/// Of soft wind-up, hysteresis and damping there is one each: a later one stands for those before it.
+impl Gear for JointModel {
+    fn add_stiffness(&mut self, stiffness_nm_rad: f64, strength: f64) {
+        // a change where there is a stiffness, the stiffness itself where the gear was rigid
+        let known_nm_rad = if self.stiffness_is_known {
+            self.stiffness_nm_rad
+        } else {
+            0.0
+        };
+        let changed_nm_rad = known_nm_rad + strength * stiffness_nm_rad;
+        self.stiffness_nm_rad = changed_nm_rad.max(STIFFNESS_MIN_NM_RAD);
+        self.stiffness_is_known = true;
+    }
+
+    fn add_soft_windup(&mut self, start: SoftStart) -> Result<(), Full> {
+        self.soft_windup = Some((start.low_stiffness_nm_rad, start.knee_nm));
+        Ok(())
+    }
+
+    fn add_hysteresis(&mut self, element: TorsionalHysteresis) -> Result<(), Full> {
+        self.hysteresis = Some(element);
+        Ok(())
+    }
+
+    fn add_structural_damping(&mut self, element: StructuralDamping) -> Result<(), Full> {
+        self.structural_damping = Some(element);
+        Ok(())
+    }
+
+    fn add_gap(&mut self, gap_rad: f64) {
+        self.backlash.gap_rad += gap_rad;
+    }
+
+    fn add_kinematic_error(&mut self, harmonic: KinematicHarmonic) -> Result<(), Full> {
+        self.kinematic_harmonics.push(harmonic);
+        Ok(())
+    }
+}
+
+impl Actuator for JointModel {
+    fn scale_torque(&mut self, gain: f64) {
+        self.torque_gain *= gain;
+    }
+
+    fn add_torque(&mut self, offset_nm: f64) {
+        self.torque_offset_nm += offset_nm;
+    }
+
+    fn add_ripple(&mut self, ripple_nm: Harmonic) -> Result<(), Full> {
+        self.torque_ripple.push(ripple_nm);
+        Ok(())
+    }
+
+    fn limit_torque(&mut self, limit_nm: f64) {
+        self.torque_limit_nm = self.torque_limit_nm.min(limit_nm);
+    }
+
+    fn add_lag(&mut self, time_constant_s: f64) {
+        self.current_lag_s += time_constant_s;
+    }
+}
+
+impl Load for JointModel {
+    fn add_rotor_inertia(&mut self, inertia_kg_m2: f64) {
+        self.rotor_inertia_kg_m2 += inertia_kg_m2 * self.gear_ratio.powi(2);
+    }
+
+    fn add_gravity(&mut self, sin_nm: f64, cos_nm: f64) {
+        self.gravity_sin_cos_nm[0] += sin_nm;
+        self.gravity_sin_cos_nm[1] += cos_nm;
+    }
+
+    fn add_spring(&mut self, spring: JointSpring) -> Result<(), Full> {
+        self.springs.push(spring);
+        Ok(())
+    }
+}
+
+impl Sensors for JointModel {
+    fn add_offset(&mut self, offset_rad: f64) {
+        self.encoder_offset_rad += offset_rad;
+    }
+
+    fn add_eccentricity(&mut self, side: EncoderSide, error_rad: Harmonic) -> Result<(), Full> {
+        match side {
+            EncoderSide::Motor => self.motor_eccentricity.push(error_rad),
+            EncoderSide::Link => self.link_eccentricity.push(error_rad),
+        }
+        Ok(())
+    }
+
+    fn set_resolution(&mut self, side: EncoderSide, resolution_rad: f64) {
+        match side {
+            EncoderSide::Motor => self.motor_resolution_rad = resolution_rad,
+            EncoderSide::Link => self.link_resolution_rad = resolution_rad,
+        }
+    }
+
+    /// The drive's velocity is not compared: positions and torques are.
+    fn filter_velocity(&mut self, _cutoff_hz: f64) {}
+}
+
+impl Bus for JointModel {
+    fn delay_commands(&mut self, delay_s: f64) {
+        self.command_delay_s += delay_s;
+    }
+
+    fn delay_samples(&mut self, delay_s: f64) {
+        self.sensor_delay_s += delay_s;
+    }
+
+    fn lose_commands(&mut self, fraction: f64) {
+        self.dropped_commands = either_lost(self.dropped_commands, fraction);
+    }
+
+    /// Rows that were not measured anew are taken out of the recording, and compared with nothing.
+    fn lose_samples(&mut self, _fraction: f64) {}
 }

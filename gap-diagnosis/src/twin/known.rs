@@ -4,10 +4,11 @@
 use std::f64::consts::FRAC_PI_2;
 
 use joint_model::friction::{LoadTorqueRow, Sliding, StribeckFriction, StribeckRow};
+use joint_model::harmonic::Harmonic;
 use joint_model::rigid_body::{Chain, ChainError, Link};
 use robot::{Robot, Tolerance};
 
-use crate::twin::joint::{Harmonic, JointModel};
+use crate::twin::joint::JointModel;
 use crate::twin::load::{LoadChange, Motion};
 
 /// Values of links whose tolerance moves the joint's torque less than this part of what the most important one does do not
@@ -213,8 +214,7 @@ impl KnownValue {
             Known::Periodic(term) => friction.periodic[term].amplitude_nm *= factor,
             Known::Waviness(term, quarter) if change != 0.0 => {
                 let law = &friction.periodic[term];
-                // a joint that has no room for the term has eight of them already
-                let _ = model.torque_ripple.try_push(Harmonic {
+                model.torque_ripple.push(Harmonic {
                     amplitude: change * law.amplitude_nm / model.gear_ratio,
                     cycles_per_rev: law.cycles_per_motor_rev,
                     phase_rad: law.phase_rad + quarter as f64 * FRAC_PI_2,
@@ -232,8 +232,8 @@ impl KnownValue {
             }
             Known::Least => friction.least_nm += change.max(0.0),
             Known::Creep(way) => {
-                // a joint that has no room for the term has eight of them already
-                let _ = friction.stribeck.try_push(StribeckFriction {
+                // there is room, or it was not to be refitted
+                friction.stribeck.push(StribeckFriction {
                     stribeck_nm: -change.max(0.0),
                     stribeck_velocity_rad_s: CREEPS[way].1,
                 });
@@ -341,7 +341,8 @@ pub fn of_joint(
     }
     for (way, (part, speed_rad_s)) in CREEPS.into_iter().enumerate() {
         let friction_nm = friction.level_nm(&Sliding::at(speed_rad_s));
-        if friction_nm > 0.0 {
+        let has_room = friction.stribeck.remaining_capacity() >= CREEPS.len();
+        if friction_nm > 0.0 && has_room {
             beside(Known::Creep(way), part * friction_nm);
         }
     }

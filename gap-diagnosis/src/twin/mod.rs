@@ -24,7 +24,8 @@ use joint_model::filter::FilterError;
 use nalgebra::{Unit, Vector3};
 use rand_core::{RngCore, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use robot::{Effect, Robot};
+use robot::effect::parts::Full;
+use robot::{Effect, Part, Robot};
 
 use crate::twin::joint::JointModel;
 use crate::twin::known::KnownValue;
@@ -49,6 +50,22 @@ const END_S: f64 = 0.1;
 const RUNS: usize = 256;
 /// Loads that are remembered, of two megabytes at most: runs that follow one another mostly share theirs.
 const LOADS: usize = 2;
+
+/// Why a twin cannot be run.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum TwinError {
+    /// A filter cannot be designed.
+    #[error("the recording's rate or the controller's filter does not fit: {0}")]
+    Filter(#[from] FilterError),
+    /// The joint has no room for an effect.
+    #[error("{effect}: {full}; leave out the smallest of those in the robot file")]
+    Full {
+        /// Its identifier.
+        effect: &'static str,
+        /// How many it has room for.
+        full: Full,
+    },
+}
 
 /// How a joint is said to differ from its robot file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -129,12 +146,12 @@ impl<'a> JointTwin<'a> {
     /// For a joint of a robot; none where no recording tells its torque.
     ///
     /// # Errors
-    /// [`FilterError`] if the controller's filter cannot be designed at a recording's rate.
+    /// [`TwinError::Filter`] if the controller's filter cannot be designed at a recording's rate.
     pub fn new(
         robot: &'a Robot,
         joint: usize,
         stretches: &'a [Stretch],
-    ) -> Result<Option<Self>, FilterError> {
+    ) -> Result<Option<Self>, TwinError> {
         let nominal = JointModel::nominal(robot, joint);
         let there: Vec<_> = stretches
             .iter()
@@ -304,16 +321,16 @@ impl<'a> JointTwin<'a> {
     /// The channels as they would be with these changes, row by row; with noise if a seed is given.
     ///
     /// # Errors
-    /// [`FilterError`].
-    pub fn simulated(&self, changes: &Changes, seed: Option<u64>) -> Result<Vec<f64>, FilterError> {
+    /// [`TwinError`].
+    pub fn simulated(&self, changes: &Changes, seed: Option<u64>) -> Result<Vec<f64>, TwinError> {
         self.along(changes, Substeps::Fine, seed)
     }
 
     /// The same without noise and in longer substeps, for differences between simulations.
     ///
     /// # Errors
-    /// [`FilterError`].
-    pub fn coarsely(&self, changes: &Changes) -> Result<Vec<f64>, FilterError> {
+    /// [`TwinError`].
+    pub fn coarsely(&self, changes: &Changes) -> Result<Vec<f64>, TwinError> {
         self.along(changes, Substeps::Coarse, None)
     }
 
@@ -322,7 +339,7 @@ impl<'a> JointTwin<'a> {
         changes: &Changes,
         substeps: Substeps,
         seed: Option<u64>,
-    ) -> Result<Vec<f64>, FilterError> {
+    ) -> Result<Vec<f64>, TwinError> {
         let asked = Asked {
             changes: changes.clone().without_rest(),
             substeps,
@@ -331,7 +348,7 @@ impl<'a> JointTwin<'a> {
         self.runs.or(asked, |asked| self.made(asked))
     }
 
-    fn made(&self, asked: &Asked) -> Result<Vec<f64>, FilterError> {
+    fn made(&self, asked: &Asked) -> Result<Vec<f64>, TwinError> {
         // a bench is emptied before it is used, whatever a thread that panicked has left
         let benches = || self.benches.lock().unwrap_or_else(PoisonError::into_inner);
         let free = benches().pop();
@@ -340,7 +357,7 @@ impl<'a> JointTwin<'a> {
         let mut all = Vec::with_capacity(self.rows.len());
         for (place, piece) in self.pieces.iter().enumerate() {
             crate::stop::look();
-            self.run(place, asked, &piece.tracking, trace);
+            self.run(place, asked, &piece.tracking, trace)?;
             let (band, load) = match piece.thinned_for(asked.substeps) {
                 Some(thinned) => (thinned.band, &thinned.load),
                 None => (piece.band, &piece.joint.load),
@@ -354,18 +371,27 @@ impl<'a> JointTwin<'a> {
     }
 
     /// Everything the sensors would show in one stretch under the robot file's controller.
-    pub fn controlled(&self, piece: usize, changes: &Changes) -> Trace {
+    ///
+    /// # Errors
+    /// [`TwinError`].
+    pub fn controlled(&self, piece: usize, changes: &Changes) -> Result<Trace, TwinError> {
         let asked = Asked {
             changes: changes.clone(),
             substeps: Substeps::Fine,
             seed: None,
         };
         let mut trace = Trace::default();
-        self.run(piece, &asked, &self.pieces[piece].controller, &mut trace);
-        trace
+        self.run(piece, &asked, &self.pieces[piece].controller, &mut trace)?;
+        Ok(trace)
     }
 
-    fn run(&self, piece: usize, asked: &Asked, feedback: &Feedback, trace: &mut Trace) {
+    fn run(
+        &self,
+        piece: usize,
+        asked: &Asked,
+        feedback: &Feedback,
+        trace: &mut Trace,
+    ) -> Result<(), TwinError> {
         let Asked {
             changes,
             substeps,
@@ -381,7 +407,7 @@ impl<'a> JointTwin<'a> {
             }
         }
         for effect in &changes.effects {
-            model = model.with(effect);
+            model = model.with(effect)?;
         }
         let load = self.load(piece, changes, *substeps);
         let mut sensors = seed.map(|seed| Sensors::new(seed, place));
@@ -404,19 +430,22 @@ impl<'a> JointTwin<'a> {
                 *holding_nm += model.gear_ratio * model.torque_noise_nm * sensors.normal();
             }
         }
+        Ok(())
     }
 
     /// What the joint carries with these changes.
     fn load(&self, piece: &Piece<'a>, changes: &Changes, substeps: Substeps) -> Arc<Load> {
-        let is_of_load = |effect: &&Effect| {
-            effect.is_whole_arm() || matches!(effect, Effect::LinkInertia { .. })
-        };
         let known = changes.known.iter().zip(&piece.links);
         let of_load = Changes {
             known: known
                 .map(|(deviations, link)| link.as_ref().map_or(0.0, |_| *deviations))
                 .collect(),
-            effects: changes.effects.iter().filter(is_of_load).cloned().collect(),
+            effects: changes
+                .effects
+                .iter()
+                .filter(|effect| effect.part() == Part::Bodies)
+                .cloned()
+                .collect(),
         };
         let asked = (of_load.without_rest(), substeps);
         let made = piece.loads.or(asked, |(changes, substeps)| {

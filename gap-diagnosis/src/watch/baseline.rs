@@ -164,8 +164,13 @@ fn torque_of_one(robot: &Robot, joint: usize, recording: &Recording) -> Recordin
 
 fn with_effects(robot: &Robot, joint: usize, effects: &[Effect]) -> Robot {
     let mut mended = robot.clone();
-    let own = effects.iter().filter(|effect| !effect.is_whole_arm());
-    mended.joints[joint].effects.extend(own.copied());
+    let file = &mut mended.joints[joint];
+    for effect in effects.iter().filter(|effect| !effect.is_whole_arm()) {
+        // what has no room stays as it was; the residual shows it
+        if effect.act(&mut file.steady_friction(), 1.0).is_ok() {
+            file.effects.push(*effect);
+        }
+    }
     let chain = &robot.chain;
     let whole = effects.iter().filter(|effect| effect.is_whole_arm());
     let changed = changed_chain(

@@ -4,8 +4,6 @@
 //! harmonics of the wave generator's angle; Tuttle, MIT AI-TR 1365 (1992), which finds two cycles per revolution and
 //! its multiples. Left out: the part that depends on the output angle.
 
-use arrayvec::ArrayVec;
-
 /// One harmonic of the error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KinematicHarmonic {
@@ -17,67 +15,51 @@ pub struct KinematicHarmonic {
     pub phase_rad: f64,
 }
 
-/// The error as a sum of harmonics.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct KinematicError {
-    /// Its harmonics.
-    pub harmonics: ArrayVec<KinematicHarmonic, { KinematicError::HARMONICS_MAX }>,
-}
-
-impl KinematicError {
-    /// The most harmonics of one joint.
-    pub const HARMONICS_MAX: usize = 12;
-
-    /// Error at a motor angle, joint side, and its slope in radians per radian of motor angle.
-    ///
-    /// The slope is what the error does to torque: by virtual work the motor feels `T·(1/N + slope)`.
-    pub fn error_and_slope(&self, motor_position_rad: f64) -> (f64, f64) {
-        self.harmonics
-            .iter()
-            .fold((0.0, 0.0), |(error_rad, slope), harmonic| {
-                let (sin, cos) = (harmonic.cycles_per_motor_rev * motor_position_rad
-                    + harmonic.phase_rad)
-                    .sin_cos();
-                (
-                    error_rad + harmonic.amplitude_rad * sin,
-                    slope + harmonic.amplitude_rad * harmonic.cycles_per_motor_rev * cos,
-                )
-            })
-    }
+/// Error of harmonics at a motor angle, joint side, and its slope in radians per radian of motor angle.
+///
+/// The slope is what the error does to torque: by virtual work the motor feels `T·(1/N + slope)`.
+pub fn kinematic_error(harmonics: &[KinematicHarmonic], motor_position_rad: f64) -> (f64, f64) {
+    harmonics
+        .iter()
+        .fold((0.0, 0.0), |(error_rad, slope), harmonic| {
+            let (sin, cos) =
+                (harmonic.cycles_per_motor_rev * motor_position_rad + harmonic.phase_rad).sin_cos();
+            (
+                error_rad + harmonic.amplitude_rad * sin,
+                slope + harmonic.amplitude_rad * harmonic.cycles_per_motor_rev * cos,
+            )
+        })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn two_harmonics() -> KinematicError {
-        let mut error = KinematicError::default();
-        error.harmonics.push(KinematicHarmonic {
+    const TWO: [KinematicHarmonic; 2] = [
+        KinematicHarmonic {
             amplitude_rad: 2e-4,
             cycles_per_motor_rev: 2.0,
             phase_rad: 0.4,
-        });
-        error.harmonics.push(KinematicHarmonic {
+        },
+        KinematicHarmonic {
             amplitude_rad: 5e-5,
             cycles_per_motor_rev: 4.0,
             phase_rad: -1.0,
-        });
-        error
-    }
+        },
+    ];
 
     #[test]
     fn the_slope_is_the_derivative() {
-        let error = two_harmonics();
         for motor_rad in [-3.0, 0.0, 0.7, 40.0] {
-            let (after, _) = error.error_and_slope(motor_rad + 1e-6);
-            let (before, _) = error.error_and_slope(motor_rad - 1e-6);
-            let (_, slope) = error.error_and_slope(motor_rad);
+            let (after, _) = kinematic_error(&TWO, motor_rad + 1e-6);
+            let (before, _) = kinematic_error(&TWO, motor_rad - 1e-6);
+            let (_, slope) = kinematic_error(&TWO, motor_rad);
             assert!(((after - before) / 2e-6 - slope).abs() < 1e-9);
         }
     }
 
     #[test]
     fn an_ideal_gear_has_none() {
-        assert_eq!(KinematicError::default().error_and_slope(1.0), (0.0, 0.0));
+        assert_eq!(kinematic_error(&[], 1.0), (0.0, 0.0));
     }
 }

@@ -16,6 +16,6 @@ pub use backlash::Backlash;
 pub use compliance::{ArctanCompliance, CatalogueCompliance, LinearCompliance, Spring};
 pub use gear::Gear;
 pub use hysteresis::TorsionalHysteresis;
-pub use kinematic_error::{KinematicError, KinematicHarmonic};
+pub use kinematic_error::{KinematicHarmonic, kinematic_error};
 pub use soft_windup::SoftWindup;
 pub use structural_damping::StructuralDamping;

@@ -1,19 +1,11 @@
 //! Effects on the motor: torque constant, offset, ripple, saturation, lag.
 
 use arrayvec::ArrayVec;
-use robot::Effect;
-
-use super::Full;
+use joint_model::harmonic::{self, Harmonic};
+use robot::effect::parts::{self, Full};
 
 /// The most ripple harmonics of one joint.
 const RIPPLES_MAX: usize = 8;
-
-#[derive(Clone, Copy, Debug)]
-struct Ripple {
-    amplitude_nm: f64,
-    cycles_per_motor_rev: f64,
-    phase_rad: f64,
-}
 
 /// What lies between the torque the drive means to give and the torque at the shaft.
 #[derive(Clone, Debug)]
@@ -22,7 +14,8 @@ pub(crate) struct Actuator {
     gain: f64,
     /// Joint side.
     offset_nm: f64,
-    ripples: ArrayVec<Ripple, RIPPLES_MAX>,
+    /// Motor side.
+    ripples: ArrayVec<Harmonic, RIPPLES_MAX>,
     /// Largest torque, motor side.
     pub limit_nm: f64,
     /// Added to the current loop's time constant.
@@ -41,30 +34,29 @@ impl Default for Actuator {
     }
 }
 
-impl Actuator {
-    pub(super) fn add(&mut self, effect: &Effect, strength: f64) -> Result<(), Full> {
-        match *effect {
-            Effect::TorqueConstantError { gain } => self.gain *= 1.0 + strength * (gain - 1.0),
-            Effect::TorqueOffset { offset_nm } => self.offset_nm += strength * offset_nm,
-            Effect::TorqueRipple {
-                amplitude_nm,
-                cycles_per_motor_rev,
-                phase_rad,
-            } => {
-                let ripple = Ripple {
-                    amplitude_nm: strength * amplitude_nm,
-                    cycles_per_motor_rev,
-                    phase_rad,
-                };
-                return self.ripples.try_push(ripple).map_err(Full::of(RIPPLES_MAX));
-            }
-            Effect::TorqueSaturation { limit_nm } => self.limit_nm = self.limit_nm.min(limit_nm),
-            Effect::CurrentLoopLag { time_constant_s } => self.lag_s += strength * time_constant_s,
-            _ => {}
-        }
-        Ok(())
+impl parts::Actuator for Actuator {
+    fn scale_torque(&mut self, gain: f64) {
+        self.gain *= gain;
     }
 
+    fn add_torque(&mut self, offset_nm: f64) {
+        self.offset_nm += offset_nm;
+    }
+
+    fn add_ripple(&mut self, ripple_nm: Harmonic) -> Result<(), Full> {
+        Full::push(&mut self.ripples, ripple_nm)
+    }
+
+    fn limit_torque(&mut self, limit_nm: f64) {
+        self.limit_nm = self.limit_nm.min(limit_nm);
+    }
+
+    fn add_lag(&mut self, time_constant_s: f64) {
+        self.lag_s += time_constant_s;
+    }
+}
+
+impl Actuator {
     /// Motor torque at the shaft for the torque the drive reports.
     pub fn shaft_nm(&self, reported_nm: f64, motor_position_rad: f64, gear_ratio: f64) -> f64 {
         self.gain * reported_nm + self.disturbance_nm(motor_position_rad, gear_ratio)
@@ -76,14 +68,7 @@ impl Actuator {
     }
 
     fn disturbance_nm(&self, motor_position_rad: f64, gear_ratio: f64) -> f64 {
-        let ripple_nm: f64 = self
-            .ripples
-            .iter()
-            .map(|ripple| {
-                let angle = ripple.cycles_per_motor_rev * motor_position_rad + ripple.phase_rad;
-                ripple.amplitude_nm * angle.sin()
-            })
-            .sum();
+        let ripple_nm = harmonic::sum(&self.ripples, motor_position_rad);
         ripple_nm + self.offset_nm / gear_ratio
     }
 }

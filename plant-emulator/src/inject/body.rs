@@ -1,20 +1,16 @@
 //! Effects on what moves: rotor inertia, torques on the link, and the rigid bodies themselves.
 
 use arrayvec::ArrayVec;
+use joint_model::joint_spring::JointSpring;
 use joint_model::rigid_body::{Chain, ChainError, Link};
 use nalgebra::{Isometry3, Vector3};
-use robot::{Effect, changed_chain};
+use robot::effect::parts::{self, Full};
+use robot::{Part, changed_chain};
 
-use super::{Full, TimedEffect};
+use super::TimedEffect;
 
 /// The most springs of one joint.
 const SPRINGS_MAX: usize = 4;
-
-#[derive(Clone, Copy, Debug)]
-struct JointSpring {
-    stiffness_nm_rad: f64,
-    rest_rad: f64,
-}
 
 /// What acts at one joint beside the chain's own dynamics.
 #[derive(Clone, Debug, Default)]
@@ -26,38 +22,28 @@ pub(crate) struct JointLoad {
     springs: ArrayVec<JointSpring, SPRINGS_MAX>,
 }
 
-impl JointLoad {
-    pub(super) fn add(&mut self, effect: &Effect, strength: f64) -> Result<(), Full> {
-        match *effect {
-            Effect::RotorInertia { inertia_kg_m2 } => {
-                self.rotor_inertia_kg_m2 += strength * inertia_kg_m2
-            }
-            Effect::GravityTorque { sin_nm, cos_nm } => {
-                self.gravity_sin_nm += strength * sin_nm;
-                self.gravity_cos_nm += strength * cos_nm;
-            }
-            Effect::JointSpring {
-                stiffness_nm_rad,
-                rest_rad,
-            } => {
-                let spring = JointSpring {
-                    stiffness_nm_rad: strength * stiffness_nm_rad,
-                    rest_rad,
-                };
-                return self.springs.try_push(spring).map_err(Full::of(SPRINGS_MAX));
-            }
-            _ => {}
-        }
-        Ok(())
+impl parts::Load for JointLoad {
+    fn add_rotor_inertia(&mut self, inertia_kg_m2: f64) {
+        self.rotor_inertia_kg_m2 += inertia_kg_m2;
     }
 
+    fn add_gravity(&mut self, sin_nm: f64, cos_nm: f64) {
+        self.gravity_sin_nm += sin_nm;
+        self.gravity_cos_nm += cos_nm;
+    }
+
+    fn add_spring(&mut self, spring: JointSpring) -> Result<(), Full> {
+        Full::push(&mut self.springs, spring)
+    }
+}
+
+impl JointLoad {
     /// Torque needed to hold the joint against added gravity and springs.
     pub fn holding_nm(&self, link_position_rad: f64) -> f64 {
         let (sin, cos) = link_position_rad.sin_cos();
-        let springs_nm: f64 = self
-            .springs
-            .iter()
-            .map(|spring| spring.stiffness_nm_rad * (link_position_rad - spring.rest_rad))
+        let springs = self.springs.iter();
+        let springs_nm: f64 = springs
+            .map(|spring| spring.holding_nm(link_position_rad))
             .sum();
         self.gravity_sin_nm * sin + self.gravity_cos_nm * cos + springs_nm
     }
@@ -65,12 +51,9 @@ impl JointLoad {
     /// Energy whose slope is [`JointLoad::holding_nm`].
     pub fn energy_j(&self, link_position_rad: f64) -> f64 {
         let (sin, cos) = link_position_rad.sin_cos();
-        let springs_j: f64 = self
-            .springs
-            .iter()
-            .map(|spring| {
-                0.5 * spring.stiffness_nm_rad * (link_position_rad - spring.rest_rad).powi(2)
-            })
+        let springs = self.springs.iter();
+        let springs_j: f64 = springs
+            .map(|spring| spring.energy_j(link_position_rad))
             .sum();
         self.gravity_cos_nm * sin - self.gravity_sin_nm * cos + springs_j
     }
@@ -86,7 +69,7 @@ pub(crate) fn chains(
 ) -> Result<Vec<(f64, Chain)>, ChainError> {
     let mut starts_s: Vec<f64> = effects
         .iter()
-        .filter(|(_, timed)| changes_the_chain(&timed.effect))
+        .filter(|(_, timed)| timed.effect.part() == Part::Bodies)
         .map(|(_, timed)| timed.start_s.max(0.0))
         .chain([0.0])
         .collect();
@@ -103,17 +86,12 @@ pub(crate) fn chains(
         .collect()
 }
 
-fn changes_the_chain(effect: &Effect) -> bool {
-    matches!(
-        effect,
-        Effect::Payload { .. } | Effect::LinkInertia { .. } | Effect::BaseTilt { .. }
-    )
-}
-
 #[cfg(test)]
 mod tests {
     use joint_model::rigid_body::JointKind;
     use nalgebra::Matrix3;
+    use robot::Effect;
+    use robot::effect::parts::Load;
 
     use super::*;
 
@@ -203,22 +181,12 @@ mod tests {
     #[test]
     fn the_added_energy_has_the_added_torque_as_slope() {
         let mut load = JointLoad::default();
-        load.add(
-            &Effect::GravityTorque {
-                sin_nm: 2.0,
-                cos_nm: -0.5,
-            },
-            1.0,
-        )
-        .expect("room");
-        load.add(
-            &Effect::JointSpring {
-                stiffness_nm_rad: 3.0,
-                rest_rad: 0.2,
-            },
-            1.0,
-        )
-        .expect("room");
+        load.add_gravity(2.0, -0.5);
+        let spring = JointSpring {
+            stiffness_nm_rad: 3.0,
+            rest_rad: 0.2,
+        };
+        load.add_spring(spring).expect("room");
         for q in [-1.0, 0.0, 0.9] {
             let slope_nm = (load.energy_j(q + 1e-6) - load.energy_j(q - 1e-6)) / 2e-6;
             assert!((slope_nm - load.holding_nm(q)).abs() < 1e-6);

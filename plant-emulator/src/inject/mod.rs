@@ -1,4 +1,4 @@
-//! Effects of robot file, plant file and injection file, all by the same names: what they change, one file per stage.
+//! The parts of a joint that effects of robot file, plant file and injection file act on, one file a part.
 //!
 //! Effects of one kind add up and gains multiply. An effect that begins during the run grows linearly over
 //! [`RAMP_S`], so that positions and torques stay continuous; delays, losses, coarser encoders, torque limits and what
@@ -6,13 +6,13 @@
 
 mod actuator;
 mod body;
-mod friction;
 mod sensing;
 mod timing;
 mod transmission;
 
-use joint_model::friction::SteadyFriction;
-use robot::Effect;
+use joint_model::friction::{SteadyFriction, ThermalFrictionDrift};
+use robot::effect::parts::{self, Bus, Full, Gear, JointParts, Load, Sensors, Warming};
+use robot::{Bodies, Effect, EffectKind};
 
 pub(crate) use actuator::Actuator;
 pub(crate) use body::{JointLoad, chains};
@@ -44,7 +44,7 @@ impl TimedEffect {
 
     /// Whether it is the same at all times.
     pub fn is_constant(&self) -> bool {
-        self.start_s <= 0.0 && !matches!(self.effect, Effect::ThermalFrictionDrift { .. })
+        self.start_s <= 0.0 && self.effect.kind() != EffectKind::ThermalFrictionDrift
     }
 
     /// Amplitude at a time: 0 before the start, `factor` after the ramp.
@@ -53,19 +53,6 @@ impl TimedEffect {
             return self.factor;
         }
         self.factor * ((time_s - self.start_s) / RAMP_S).clamp(0.0, 1.0)
-    }
-}
-
-/// There was no room for an effect.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Full {
-    /// Room for so many.
-    pub at_most: usize,
-}
-
-impl Full {
-    fn of<T>(at_most: usize) -> impl FnOnce(arrayvec::CapacityError<T>) -> Self {
-        move |_| Self { at_most }
     }
 }
 
@@ -104,53 +91,67 @@ impl Conditions {
     }
 
     /// Adds an effect as strong as it is at a time; with `time_s` infinite, at its full strength.
+    ///
+    /// # Errors
+    /// [`Full`].
     pub fn add(&mut self, timed: &TimedEffect, time_s: f64) -> Result<(), Full> {
         let strength = timed.strength(time_s);
         if strength == 0.0 {
             return Ok(());
         }
-        match timed.effect {
-            Effect::CoulombFriction { .. }
-            | Effect::ViscousFriction { .. }
-            | Effect::QuadraticFriction { .. }
-            | Effect::StribeckFriction { .. }
-            | Effect::AsymmetricFriction { .. }
-            | Effect::LoadDependentFriction { .. }
-            | Effect::PositionDependentFriction { .. }
-            | Effect::ThermalFrictionDrift { .. } => friction::add(
-                &mut self.friction,
-                &timed.effect,
-                strength,
-                time_s - timed.start_s,
-            ),
-            Effect::KinematicError { .. }
-            | Effect::TorsionalCompliance { .. }
-            | Effect::SoftWindup { .. }
-            | Effect::TorsionalHysteresis { .. }
-            | Effect::StructuralDamping { .. }
-            | Effect::Backlash { .. } => self.transmission.add(&timed.effect, strength),
-            Effect::TorqueConstantError { .. }
-            | Effect::TorqueOffset { .. }
-            | Effect::TorqueRipple { .. }
-            | Effect::TorqueSaturation { .. }
-            | Effect::CurrentLoopLag { .. } => self.actuator.add(&timed.effect, strength),
-            Effect::RotorInertia { .. }
-            | Effect::GravityTorque { .. }
-            | Effect::JointSpring { .. } => self.load.add(&timed.effect, strength),
-            Effect::EncoderOffset { .. }
-            | Effect::EncoderEccentricity { .. }
-            | Effect::EncoderQuantisation { .. }
-            | Effect::VelocityFilterLag { .. } => self.sensing.add(&timed.effect, strength),
-            Effect::CommandDelay { .. }
-            | Effect::SensorDelay { .. }
-            | Effect::DroppedCommands { .. }
-            | Effect::DroppedSamples { .. } => {
-                self.timing.add(&timed.effect);
-                Ok(())
-            }
-            // these change the chain: body.rs
-            Effect::Payload { .. } | Effect::LinkInertia { .. } | Effect::BaseTilt { .. } => Ok(()),
-        }
+        let mut now = Now {
+            conditions: self,
+            elapsed_s: time_s - timed.start_s,
+        };
+        timed.effect.act(&mut now, strength)
+    }
+}
+
+/// A joint at an instant of an effect.
+struct Now<'a> {
+    conditions: &'a mut Conditions,
+    /// Since the effect began.
+    elapsed_s: f64,
+}
+
+impl JointParts for Now<'_> {
+    fn friction(&mut self) -> Option<&mut SteadyFriction> {
+        Some(&mut self.conditions.friction)
+    }
+
+    fn warming(&mut self) -> Option<&mut dyn Warming> {
+        Some(self)
+    }
+
+    fn gear(&mut self) -> Option<&mut dyn Gear> {
+        Some(&mut self.conditions.transmission)
+    }
+
+    fn actuator(&mut self) -> Option<&mut dyn parts::Actuator> {
+        Some(&mut self.conditions.actuator)
+    }
+
+    fn load(&mut self) -> Option<&mut dyn Load> {
+        Some(&mut self.conditions.load)
+    }
+
+    /// The chains of a run have them.
+    fn bodies(&mut self) -> Option<&mut Bodies> {
+        None
+    }
+
+    fn sensors(&mut self) -> Option<&mut dyn Sensors> {
+        Some(&mut self.conditions.sensing)
+    }
+
+    fn bus(&mut self) -> Option<&mut dyn Bus> {
+        Some(&mut self.conditions.timing)
+    }
+}
+
+impl Warming for Now<'_> {
+    fn add_drift(&mut self, drift: ThermalFrictionDrift) {
+        self.conditions.friction.coulomb.coulomb_nm += drift.change_nm(self.elapsed_s);
     }
 }
 

@@ -1,6 +1,6 @@
 //! Effects on the path of commands and samples: delays and losses.
 
-use robot::Effect;
+use robot::effect::parts::{self, either_lost};
 
 /// Delays and losses of one joint.
 #[derive(Clone, Copy, Debug, Default)]
@@ -13,23 +13,20 @@ pub(crate) struct Timing {
     pub dropped_samples: f64,
 }
 
-impl Timing {
-    pub(super) fn add(&mut self, effect: &Effect) {
-        match *effect {
-            Effect::CommandDelay { delay_s } => self.command_delay_s += delay_s,
-            Effect::SensorDelay { delay_s } => self.sensor_delay_s += delay_s,
-            Effect::DroppedCommands { fraction } => {
-                self.dropped_commands = either(self.dropped_commands, fraction);
-            }
-            Effect::DroppedSamples { fraction } => {
-                self.dropped_samples = either(self.dropped_samples, fraction)
-            }
-            _ => {}
-        }
+impl parts::Bus for Timing {
+    fn delay_commands(&mut self, delay_s: f64) {
+        self.command_delay_s += delay_s;
     }
-}
 
-/// Part lost by one of two independent causes.
-fn either(a: f64, b: f64) -> f64 {
-    1.0 - (1.0 - a) * (1.0 - b)
+    fn delay_samples(&mut self, delay_s: f64) {
+        self.sensor_delay_s += delay_s;
+    }
+
+    fn lose_commands(&mut self, fraction: f64) {
+        self.dropped_commands = either_lost(self.dropped_commands, fraction);
+    }
+
+    fn lose_samples(&mut self, fraction: f64) {
+        self.dropped_samples = either_lost(self.dropped_samples, fraction);
+    }
 }

@@ -2,23 +2,15 @@
 
 use arrayvec::ArrayVec;
 use joint_model::transmission::{
-    Backlash, CatalogueCompliance, KinematicError, KinematicHarmonic, SoftWindup, Spring,
-    StructuralDamping, TorsionalHysteresis,
+    Backlash, CatalogueCompliance, KinematicHarmonic, SoftWindup, Spring, StructuralDamping,
+    TorsionalHysteresis,
 };
-use robot::Effect;
-
-use super::Full;
+use robot::effect::parts::{self, Full, SoftStart};
 
 /// The most elements of a kind at one joint.
 pub(crate) const ELEMENTS_MAX: usize = 4;
-
-/// A soft start that has taken over by `strength`.
-#[derive(Clone, Copy, Debug)]
-struct Windup {
-    low_stiffness_nm_rad: f64,
-    knee_nm: f64,
-    strength: f64,
-}
+/// The most harmonics of kinematic error.
+const KINEMATIC_HARMONICS_MAX: usize = 12;
 
 /// The gear of one joint.
 #[derive(Clone, Debug)]
@@ -27,11 +19,11 @@ pub(crate) struct Transmission {
     /// What a stiffness in an effect is compared with: the robot file's, where it has one.
     reference_nm_rad: Option<f64>,
     stiffness_factor: f64,
-    windups: ArrayVec<Windup, ELEMENTS_MAX>,
+    windups: ArrayVec<SoftStart, ELEMENTS_MAX>,
     backlash: Backlash,
     pub hysteresis: ArrayVec<TorsionalHysteresis, ELEMENTS_MAX>,
     damping: ArrayVec<StructuralDamping, ELEMENTS_MAX>,
-    pub kinematic_error: KinematicError,
+    pub kinematic_error: ArrayVec<KinematicHarmonic, KINEMATIC_HARMONICS_MAX>,
 }
 
 impl Transmission {
@@ -44,60 +36,8 @@ impl Transmission {
             backlash: Backlash::default(),
             hysteresis: ArrayVec::new(),
             damping: ArrayVec::new(),
-            kinematic_error: KinematicError::default(),
+            kinematic_error: ArrayVec::new(),
         }
-    }
-
-    pub(super) fn add(&mut self, effect: &Effect, strength: f64) -> Result<(), Full> {
-        match *effect {
-            Effect::TorsionalCompliance { stiffness_nm_rad } => {
-                self.stiffness_factor += strength * self.stiffness_change(stiffness_nm_rad);
-            }
-            Effect::SoftWindup {
-                low_stiffness_nm_rad,
-                knee_nm,
-            } => {
-                let windup = Windup {
-                    low_stiffness_nm_rad,
-                    knee_nm,
-                    strength,
-                };
-                return self
-                    .windups
-                    .try_push(windup)
-                    .map_err(Full::of(ELEMENTS_MAX));
-            }
-            Effect::TorsionalHysteresis {
-                width_nm,
-                yield_rad,
-            } => {
-                let element = TorsionalHysteresis {
-                    width_nm: strength * width_nm,
-                    yield_rad,
-                };
-                return self
-                    .hysteresis
-                    .try_push(element)
-                    .map_err(Full::of(ELEMENTS_MAX));
-            }
-            Effect::StructuralDamping {
-                damping_nm_s_rad,
-                exponent,
-            } => {
-                let element = StructuralDamping {
-                    damping_nm_s_rad: strength * damping_nm_s_rad,
-                    exponent,
-                };
-                return self
-                    .damping
-                    .try_push(element)
-                    .map_err(Full::of(ELEMENTS_MAX));
-            }
-            Effect::Backlash { gap_rad } => self.backlash.gap_rad += strength * gap_rad,
-            Effect::KinematicError { .. } => return self.add_kinematic_error(effect, strength),
-            _ => {}
-        }
-        Ok(())
     }
 
     /// Relative change by a stiffness: a change of the robot file's, or the stiffness itself where it has none.
@@ -106,42 +46,6 @@ impl Transmission {
             Some(reference_nm_rad) => stiffness_nm_rad / reference_nm_rad,
             None => stiffness_nm_rad / self.curve.stiffness_nm_rad[0] - 1.0,
         }
-    }
-
-    fn add_kinematic_error(&mut self, effect: &Effect, strength: f64) -> Result<(), Full> {
-        let Effect::KinematicError {
-            amplitude_rad,
-            cycles_per_motor_rev,
-            phase_rad,
-            amplitude_rad_2,
-            cycles_per_motor_rev_2,
-            phase_rad_2,
-            amplitude_rad_3,
-            cycles_per_motor_rev_3,
-            phase_rad_3,
-        } = *effect
-        else {
-            return Ok(());
-        };
-        let harmonics = [
-            (amplitude_rad, cycles_per_motor_rev, phase_rad),
-            (amplitude_rad_2, cycles_per_motor_rev_2, phase_rad_2),
-            (amplitude_rad_3, cycles_per_motor_rev_3, phase_rad_3),
-        ];
-        for (amplitude_rad, cycles_per_motor_rev, phase_rad) in harmonics {
-            if amplitude_rad == 0.0 {
-                continue;
-            }
-            let amplitude_rad = strength * amplitude_rad;
-            let harmonic = KinematicHarmonic {
-                amplitude_rad,
-                cycles_per_motor_rev,
-                phase_rad,
-            };
-            let pushed = self.kinematic_error.harmonics.try_push(harmonic);
-            pushed.map_err(Full::of(KinematicError::HARMONICS_MAX))?;
-        }
-        Ok(())
     }
 
     fn main(&self) -> CatalogueCompliance {
@@ -155,7 +59,7 @@ impl Transmission {
         self.windups
             .iter()
             .fold(main.torque_nm(loaded_rad), |torque_nm, windup| {
-                let soft_nm = windup.spring(main).torque_nm(loaded_rad);
+                let soft_nm = soft_windup(windup, main).torque_nm(loaded_rad);
                 torque_nm + windup.strength * (soft_nm - torque_nm)
             })
     }
@@ -167,7 +71,7 @@ impl Transmission {
         self.windups
             .iter()
             .fold(main.energy_j(loaded_rad), |energy_j, windup| {
-                let soft_j = windup.spring(main).energy_j(loaded_rad);
+                let soft_j = soft_windup(windup, main).energy_j(loaded_rad);
                 energy_j + windup.strength * (soft_j - energy_j)
             })
     }
@@ -176,7 +80,7 @@ impl Transmission {
     pub fn torsion_rad(&self, torque_nm: f64) -> f64 {
         let main = self.main();
         let loaded_rad = match self.windups.iter().rfind(|windup| windup.strength > 0.5) {
-            Some(windup) => windup.spring(main).torsion_rad(torque_nm),
+            Some(windup) => soft_windup(windup, main).torsion_rad(torque_nm),
             None => main.torsion_rad(torque_nm),
         };
         self.backlash.torsion_rad(loaded_rad)
@@ -218,12 +122,36 @@ impl Transmission {
     }
 }
 
-impl Windup {
-    fn spring(&self, main: CatalogueCompliance) -> SoftWindup<CatalogueCompliance> {
-        SoftWindup {
-            main,
-            low_stiffness_nm_rad: self.low_stiffness_nm_rad,
-            knee_nm: self.knee_nm,
-        }
+impl parts::Gear for Transmission {
+    fn add_stiffness(&mut self, stiffness_nm_rad: f64, strength: f64) {
+        self.stiffness_factor += strength * self.stiffness_change(stiffness_nm_rad);
+    }
+
+    fn add_soft_windup(&mut self, start: SoftStart) -> Result<(), Full> {
+        Full::push(&mut self.windups, start)
+    }
+
+    fn add_hysteresis(&mut self, element: TorsionalHysteresis) -> Result<(), Full> {
+        Full::push(&mut self.hysteresis, element)
+    }
+
+    fn add_structural_damping(&mut self, element: StructuralDamping) -> Result<(), Full> {
+        Full::push(&mut self.damping, element)
+    }
+
+    fn add_gap(&mut self, gap_rad: f64) {
+        self.backlash.gap_rad += gap_rad;
+    }
+
+    fn add_kinematic_error(&mut self, harmonic: KinematicHarmonic) -> Result<(), Full> {
+        Full::push(&mut self.kinematic_error, harmonic)
+    }
+}
+
+fn soft_windup(start: &SoftStart, main: CatalogueCompliance) -> SoftWindup<CatalogueCompliance> {
+    SoftWindup {
+        main,
+        low_stiffness_nm_rad: start.low_stiffness_nm_rad,
+        knee_nm: start.knee_nm,
     }
 }

@@ -56,14 +56,12 @@ impl Joint {
     fn stiffness_max_nm_rad(&self) -> f64 {
         let later = self.timed.iter().map(|timed| {
             let mut conditions = self.fixed.clone();
-            // what does not fit was refused before
-            let _ = conditions.add(
-                &TimedEffect {
-                    start_s: 0.0,
-                    ..*timed
-                },
-                0.0,
-            );
+            let from_the_start = TimedEffect {
+                start_s: 0.0,
+                ..*timed
+            };
+            let added = conditions.add(&from_the_start, 0.0);
+            debug_assert!(added.is_ok(), "room was checked when the plant was built");
             conditions.transmission.stiffness_max_nm_rad()
         });
         later.fold(self.fixed.transmission.stiffness_max_nm_rad(), f64::max)

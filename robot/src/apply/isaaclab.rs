@@ -215,6 +215,30 @@ fn cannot(effect: &Effect) -> &'static str {
         Effect::GravityTorque { .. } => {
             "it is a wrong mass or centre of mass, and which one it does not say; correct the body of the USD"
         }
-        _ => "an actuator's configuration has no such field",
+        Effect::CoulombFriction { .. }
+        | Effect::ViscousFriction { .. }
+        | Effect::QuadraticFriction { .. }
+        | Effect::LoadDependentFriction { .. }
+        | Effect::PositionDependentFriction { .. }
+        | Effect::ThermalFrictionDrift { .. }
+        | Effect::KinematicError { .. }
+        | Effect::TorsionalCompliance { .. }
+        | Effect::SoftWindup { .. }
+        | Effect::TorsionalHysteresis { .. }
+        | Effect::StructuralDamping { .. }
+        | Effect::Backlash { .. }
+        | Effect::TorqueRipple { .. }
+        | Effect::TorqueSaturation { .. }
+        | Effect::CurrentLoopLag { .. }
+        | Effect::LinkInertia { .. }
+        | Effect::RotorInertia { .. }
+        | Effect::EncoderOffset { .. }
+        | Effect::EncoderEccentricity { .. }
+        | Effect::EncoderQuantisation { .. }
+        | Effect::VelocityFilterLag { .. }
+        | Effect::CommandDelay { .. }
+        | Effect::SensorDelay { .. }
+        | Effect::DroppedCommands { .. }
+        | Effect::DroppedSamples { .. } => "an actuator's configuration has no such field",
     }
 }

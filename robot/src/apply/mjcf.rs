@@ -343,6 +343,19 @@ impl MjcfFile {
         }
     }
 
+    /// Adds what the joint's own element says, everything at the joint.
+    fn sum(&mut self, index: usize, effect: &Effect) -> Outcome {
+        let mut after = self.after[index].clone();
+        let Some(told) = after.add(effect) else {
+            return Outcome::Cannot(cannot(effect));
+        };
+        if let Some(why) = Self::refused(&after) {
+            return Outcome::Cannot(why.to_owned());
+        }
+        self.after[index] = after;
+        Outcome::Written(told)
+    }
+
     /// Why a joint cannot have these values.
     fn refused(after: &Sums) -> Option<&'static str> {
         let negative = [
@@ -370,32 +383,19 @@ impl Takes for MjcfFile {
             };
         };
         match *effect {
-            Effect::TorqueConstantError { gain } => return self.gain(index, gain),
+            Effect::TorqueConstantError { gain } => self.gain(index, gain),
             Effect::TorqueSaturation { limit_nm } => {
-                return self.saturate(index, limit_nm * self.ratios[index].abs());
+                self.saturate(index, limit_nm * self.ratios[index].abs())
             }
-            Effect::CurrentLoopLag { time_constant_s } => return self.lag(index, time_constant_s),
-            Effect::CommandDelay { delay_s } => return self.delay(index..index + 1, delay_s),
-            Effect::LinkInertia { inertia_kg_m2 } => {
-                return self.link_inertia(index, inertia_kg_m2);
+            Effect::CurrentLoopLag { time_constant_s } => self.lag(index, time_constant_s),
+            Effect::CommandDelay { delay_s } => self.delay(index..index + 1, delay_s),
+            Effect::LinkInertia { inertia_kg_m2 } => self.link_inertia(index, inertia_kg_m2),
+            Effect::RotorInertia { inertia_kg_m2 } => {
+                let inertia_kg_m2 = inertia_kg_m2 * self.ratios[index].powi(2);
+                self.sum(index, &Effect::RotorInertia { inertia_kg_m2 })
             }
-            _ => {}
+            _ => self.sum(index, effect),
         }
-        let mut after = self.after[index].clone();
-        let at_joint = match *effect {
-            Effect::RotorInertia { inertia_kg_m2 } => Effect::RotorInertia {
-                inertia_kg_m2: inertia_kg_m2 * self.ratios[index].powi(2),
-            },
-            other => other,
-        };
-        let Some(told) = after.add(&at_joint) else {
-            return Outcome::Cannot(cannot(effect));
-        };
-        if let Some(why) = Self::refused(&after) {
-            return Outcome::Cannot(why.to_owned());
-        }
-        self.after[index] = after;
-        Outcome::Written(told)
     }
 
     fn text(&self) -> Result<String, RobotError> {
@@ -553,7 +553,20 @@ fn cannot(effect: &Effect) -> String {
         Effect::DroppedCommands { .. } => {
             "MuJoCo's actuators lose no command; put it between your controller and MuJoCo"
         }
-        _ => "MuJoCo has no such thing",
+        Effect::CoulombFriction { .. }
+        | Effect::ViscousFriction { .. }
+        | Effect::QuadraticFriction { .. }
+        | Effect::AsymmetricFriction { .. }
+        | Effect::TorqueConstantError { .. }
+        | Effect::TorqueOffset { .. }
+        | Effect::TorqueSaturation { .. }
+        | Effect::CurrentLoopLag { .. }
+        | Effect::Payload { .. }
+        | Effect::LinkInertia { .. }
+        | Effect::RotorInertia { .. }
+        | Effect::JointSpring { .. }
+        | Effect::BaseTilt { .. }
+        | Effect::CommandDelay { .. } => "MuJoCo has no such thing",
     }
     .to_owned()
 }

@@ -13,7 +13,7 @@ use crate::description::Description;
 use crate::error::RobotError;
 use crate::file::RobotFile;
 use crate::robot::load_raw;
-use crate::{Effect, Robot, RobotJoint, Source};
+use crate::{Effect, Part, Robot, RobotJoint, Source};
 
 /// Whose file is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -146,7 +146,7 @@ fn own_effects(
         }
     };
     let mut is_unsaid = |joint: Option<usize>, effect: &Effect| {
-        let in_bodies = matches!(effect, Effect::LinkInertia { .. }) || effect.is_whole_arm();
+        let in_bodies = effect.part() == Part::Bodies;
         !(is_converted && in_bodies) && matches!(file.add(joint, effect), Outcome::Cannot(_))
     };
     for (index, joint) in robot.joints.iter().enumerate() {

@@ -224,17 +224,12 @@ impl Takes for UrdfFile {
 
 /// What the file says itself.
 fn friction_of(joint: &RobotJoint) -> Sums {
-    let mut sums = Sums::of(joint);
-    for effect in &joint.effects {
-        match effect {
-            Effect::CoulombFriction { coulomb_nm } => sums.coulomb_nm += coulomb_nm,
-            Effect::ViscousFriction { viscous_nm_s_rad } => {
-                sums.viscous_nm_s_rad += viscous_nm_s_rad;
-            }
-            _ => {}
-        }
+    let friction = joint.steady_friction();
+    Sums {
+        coulomb_nm: friction.coulomb.coulomb_nm,
+        viscous_nm_s_rad: friction.viscous.viscous_nm_s_rad,
+        ..Sums::of(joint)
     }
-    sums
 }
 
 /// Why a URDF cannot say it.
@@ -251,7 +246,31 @@ fn cannot(effect: &Effect) -> String {
         Effect::GravityTorque { .. } => {
             "it is a wrong mass or centre of mass, and which one it does not say; correct <inertial>"
         }
-        _ => "URDF has only damping and friction",
+        Effect::CoulombFriction { .. }
+        | Effect::ViscousFriction { .. }
+        | Effect::QuadraticFriction { .. }
+        | Effect::StribeckFriction { .. }
+        | Effect::LoadDependentFriction { .. }
+        | Effect::PositionDependentFriction { .. }
+        | Effect::ThermalFrictionDrift { .. }
+        | Effect::KinematicError { .. }
+        | Effect::TorsionalCompliance { .. }
+        | Effect::SoftWindup { .. }
+        | Effect::TorsionalHysteresis { .. }
+        | Effect::StructuralDamping { .. }
+        | Effect::Backlash { .. }
+        | Effect::TorqueRipple { .. }
+        | Effect::TorqueSaturation { .. }
+        | Effect::CurrentLoopLag { .. }
+        | Effect::Payload { .. }
+        | Effect::LinkInertia { .. }
+        | Effect::EncoderOffset { .. }
+        | Effect::EncoderEccentricity { .. }
+        | Effect::EncoderQuantisation { .. }
+        | Effect::VelocityFilterLag { .. }
+        | Effect::SensorDelay { .. }
+        | Effect::DroppedCommands { .. }
+        | Effect::DroppedSamples { .. } => "URDF has only damping and friction",
     }
     .to_owned()
 }

@@ -6,7 +6,7 @@ mod urdf;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-use crate::{Effect, Robot, RobotJoint};
+use crate::{Effect, Part, Robot, RobotJoint};
 
 /// A text in a format, and what that format could not hold.
 #[derive(Clone, Debug, PartialEq)]
@@ -120,10 +120,8 @@ fn left_out_of_joints(
 
 /// Effects of a joint that are neither in the bodies nor among those that the format says.
 fn unsaid(joint: &RobotJoint, says: impl Fn(&Effect) -> bool) -> Vec<String> {
-    let in_bodies =
-        |effect: &Effect| matches!(effect, Effect::LinkInertia { .. }) || effect.is_whole_arm();
     let others = joint.effects.iter();
-    let others = others.filter(|effect| !in_bodies(effect) && !says(effect));
+    let others = others.filter(|effect| effect.part() != Part::Bodies && !says(effect));
     others.map(|effect| effect.name().to_owned()).collect()
 }
 

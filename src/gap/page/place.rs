@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use gap_diagnosis::effects::stage::Stage;
 use gap_diagnosis::report::{JointReport, Regime, Report};
 use report::{Axis, Column, Figure, HeatMap, Panel, Section, Series, Table, number};
+use robot::Stage;
 
 use super::with_gap;
 use super::words::{percent, signal_axis};
@@ -89,7 +89,9 @@ fn shares(report: &Report, joint: &JointReport) -> BTreeMap<Stage, f64> {
     });
     let mut shares = BTreeMap::new();
     for (effect, share) in own.chain(shared) {
-        *shares.entry(Stage::of(effect)).or_default() += share;
+        if let Some(stage) = Stage::of(effect) {
+            *shares.entry(stage).or_default() += share;
+        }
     }
     shares
 }

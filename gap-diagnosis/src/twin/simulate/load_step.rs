@@ -45,11 +45,8 @@ impl LoadStep {
             let (sin, cos) = link_rad.sin_cos();
             sin_nm * sin + cos_nm * cos
         };
-        let springs_nm: f64 = model
-            .springs
-            .iter()
-            .map(|spring| spring.stiffness_nm_rad * (link_rad - spring.rest_rad))
-            .sum();
+        let springs = model.springs.iter();
+        let springs_nm: f64 = springs.map(|spring| spring.holding_nm(link_rad)).sum();
         let carried_nm =
             torque_nm + slope_nm_rad * (link_rad - position_rad) + added_nm + springs_nm;
         LinkLoad {

@@ -19,8 +19,9 @@ mod load_step;
 
 use joint_model::filter::Butterworth;
 use joint_model::friction::{Direction, Sliding};
+use joint_model::harmonic;
 
-use crate::twin::joint::{JointModel, sum};
+use crate::twin::joint::JointModel;
 use crate::twin::load::Load;
 pub use drive::{Between, Drive};
 use drive::{Held, between};
@@ -295,9 +296,7 @@ impl State {
             shown_rad - model.motor_fault_rad(motor_rad)
         });
         let velocity_rad_s = load.velocity_rad_s.first().copied().unwrap_or(0.0);
-        let (error_rad, _) = model
-            .kinematic_error
-            .error_and_slope(motor_rad * model.gear_ratio);
+        let (error_rad, _) = model.kinematic_error(motor_rad * model.gear_ratio);
         let link_rad = motor_rad + error_rad - model.torsion_rad(load_nm);
         let command_nm = drive.command_nm.first().copied().unwrap_or(0.0);
         Self {
@@ -421,7 +420,7 @@ impl State {
         let shaft_nm = model.torque_gain * self.drive_nm
             + model.torque_offset_nm
             + hold.torque_nm
-            + model.gear_ratio * sum(&model.torque_ripple, middle_rad);
+            + model.gear_ratio * harmonic::sum(&model.torque_ripple, middle_rad);
         let link = load.at(model, share, self.link_rad);
         let level = |direction: Direction, load_nm: f64, speed_rad_s: f64| {
             let drift_nm = model.drift.map_or(0.0, |drift| drift.change_nm(time_s));
@@ -433,7 +432,7 @@ impl State {
             };
             (model.friction.level_nm(&at) + drift_nm).max(0.0)
         };
-        let (error_rad, slope) = model.kinematic_error.error_and_slope(motor_angle_rad);
+        let (error_rad, slope) = model.kinematic_error(motor_angle_rad);
         let lever = 1.0 + slope * model.gear_ratio;
         let torsion_rad = self.motor_rad + error_rad - self.link_rad;
         let gear = self.gear(model, torsion_rad, lever, step_s);
@@ -588,7 +587,9 @@ mod tests {
 
     #[test]
     fn coarse_substeps_respond_as_fine_ones_do() {
-        let changed = nominal().with(&Effect::CoulombFriction { coulomb_nm: 0.3 });
+        let changed = nominal()
+            .with(&Effect::CoulombFriction { coulomb_nm: 0.3 })
+            .unwrap();
         // means of tenths of a second, once the start is over
         let holding_nm = |model: &JointModel, substeps| -> Vec<f64> {
             let trace = along(model, [1500.0, 0.0], substeps, swing_rad);
@@ -677,12 +678,14 @@ mod tests {
 
     #[test]
     fn a_joint_at_rest_stands_where_its_faulty_encoder_shows_it() {
-        let eccentric = nominal().with(&Effect::EncoderEccentricity {
-            amplitude_rad: 0.1,
-            cycles_per_rev: 2.0,
-            phase_rad: 0.4,
-            side: EncoderSide::Motor,
-        });
+        let eccentric = nominal()
+            .with(&Effect::EncoderEccentricity {
+                amplitude_rad: 0.1,
+                cycles_per_rev: 2.0,
+                phase_rad: 0.4,
+                side: EncoderSide::Motor,
+            })
+            .unwrap();
         let trace = along(&eccentric, [1500.0, 0.0], Substeps::Fine, |_| 0.2);
         // its friction would hold it anywhere near
         assert!(
