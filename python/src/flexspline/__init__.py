@@ -37,3 +37,12 @@ __all__ = [
     "suggest",
     "watch",
 ]
+
+
+def __getattr__(name: str) -> object:
+    # What a fleet needs, Arrow first of all, is imported by who has one.
+    if name == "fleet":
+        from importlib import import_module
+
+        return import_module(".fleet", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
