@@ -169,7 +169,7 @@ fn cable(bench: &Bench, for_ns: u64, random: &mut Pcg32) -> BusFault {
             for_ns,
         });
     }
-    let is_port = random.next_u32() % 4 == 0;
+    let is_port = random.next_u32().is_multiple_of(4);
     let fault = if is_port {
         // the first bus is that of every robot
         MoteusFault::PtyClosed { bus: 0 }

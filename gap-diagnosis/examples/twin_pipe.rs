@@ -103,7 +103,7 @@ fn errors(search: &Search<'_>, changes: &Changes) -> Result<[f64; 2], Box<dyn Er
     let torque = mean_square(search, &left_nm(search, changes)?, Channel::Motor);
     let mut away_rad = Vec::new();
     for (piece, stretch) in search.twin.stretches().into_iter().enumerate() {
-        let simulated = search.twin.controlled(piece, changes);
+        let simulated = search.twin.controlled(piece, changes)?;
         let start = (START_S / stretch.drive.period_s) as usize;
         let pairs = stretch.drive.motor_rad.iter().zip(&simulated.motor_rad);
         away_rad.extend(pairs.skip(start).map(|(a, b)| a - b));
@@ -122,7 +122,7 @@ fn refit(search: &Search<'_>) -> Result<[f64; 3], Box<dyn Error>> {
     };
     let offered = plain(&search.scale, shown).into_iter();
     let terms = offered
-        .filter(|hypothesis| NAMES.contains(&hypothesis.effect))
+        .filter(|hypothesis| NAMES.contains(&hypothesis.name()))
         .map(|hypothesis| Term {
             amplitudes: vec![0.0; hypothesis.amplitudes()],
             hypothesis,

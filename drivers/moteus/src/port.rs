@@ -213,7 +213,13 @@ impl Port {
                 continue;
             }
             self.has_checksums |= had_checksum && is_right;
-            if self.has_checksums && !(had_checksum && is_right) || had_checksum && !is_right {
+            // a device that sends checksums sends them with every line
+            let is_refused = if had_checksum {
+                !is_right
+            } else {
+                self.has_checksums
+            };
+            if is_refused {
                 self.refused += 1;
                 continue;
             }
