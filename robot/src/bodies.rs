@@ -191,11 +191,11 @@ mod tests {
 
     #[test]
     fn less_inertia_than_a_slender_link_has_around_it_draws_it_to_the_axis() {
-        let mut link = crate::load("shd17").unwrap().chain.links()[0].clone();
+        let mut link = crate::load("shd17").unwrap().chain.links()[0];
         link.inertia_kg_m2 = Matrix3::from_diagonal(&Vector3::new(0.02, 0.02, 0.001));
         let axis = link.axis.into_inner();
         for change in [-0.005, -0.019] {
-            let mut lighter = link.clone();
+            let mut lighter = link;
             add_ring(&mut lighter, change);
             assert!(is_inertia_of_a_body(&lighter.inertia_kg_m2), "{change}");
             let about_axis = axis.dot(&(lighter.inertia_kg_m2 * axis));
