@@ -38,7 +38,8 @@ pub fn take_back(
     for column in laws.iter_mut().flat_map(|law| &mut law.columns) {
         *column = counted(column);
     }
-    let Some(told) = without_imitations(&evidence.with_smooth(best, &laws), best, usual) else {
+    let beside = evidence.with_smooth(best, &laws);
+    let Some(told) = without_imitations(&beside, best, usual) else {
         return false;
     };
     let taken = best & !told;
@@ -46,7 +47,9 @@ pub fn take_back(
         sets.retain(|set| set.names & taken == 0 && set.names != told);
         sets.insert(0, evidence.scored(told));
     }
-    true
+    let known = beside.scored(best).score;
+    let mut others = beside.smooth().zip(&laws).filter(|(_, law)| law.tells_rest);
+    taken != 0 || others.any(|(place, _)| beside.scored(best | place).score > known)
 }
 
 /// The names of the best set that are told beside the law that explains most with them; none where no law is ahead of the names.
@@ -76,28 +79,32 @@ fn laws(rows: &Rows, rest_nm: &[f64]) -> Vec<Smooth> {
     let braking = |columns| braking(columns, &rows.velocity_rad_s);
     let over_position = hats(&rows.position_rad);
     let speed_rad_s: Vec<f64> = rows.velocity_rad_s.iter().map(|v| v.abs()).collect();
-    let families = [
+    // all columns together are Coulomb friction, a constant is an offset
+    let but_first = |columns: Vec<Vec<f64>>| columns.into_iter().skip(1).collect::<Vec<_>>();
+    let law = |columns: Vec<Vec<f64>>, among: f64, tells_rest: bool| Smooth {
+        tells_rest,
+        cost: NAME_NATS + among + AMPLITUDE_NATS * columns.len().saturating_sub(1) as f64,
+        columns,
+    };
+    let rests = [
         since_reversal(rows),
         bent(&rows.time_s),
-        braking(over_position.clone()),
-        over_position,
-        braking(hats(&speed_rad_s)),
+        over_position.clone(),
     ];
-    // all columns together are Coulomb friction, a constant is an offset
-    let families = families
-        .into_iter()
-        .map(|columns| (columns.into_iter().skip(1).collect::<Vec<_>>(), 0.0));
+    // friction is hardly ever a named curve exactly, nor the same at all angles: that is how it is, and no rest
+    let frictions = [braking(over_position), braking(hats(&speed_rad_s))];
     let jumps = jumps(&rows.time_s);
     let among = (2.0 * jumps.len() as f64).ln();
     let jumps = braking(jumps.clone()).into_iter().chain(jumps);
-    families
-        .chain(jumps.map(|jump| (vec![jump], among)))
-        .chain(vibration(&rows.time_s, rest_nm))
-        .filter(|(columns, _)| !columns.is_empty())
-        .map(|(columns, among)| Smooth {
-            cost: NAME_NATS + among + AMPLITUDE_NATS * (columns.len() - 1) as f64,
-            columns,
-        })
+    let vibration = vibration(&rows.time_s, rest_nm).into_iter();
+    let rests = rests.map(|columns| law(but_first(columns), 0.0, true));
+    let frictions = frictions.map(|columns| law(but_first(columns), 0.0, false));
+    rests
+        .into_iter()
+        .chain(frictions)
+        .chain(jumps.map(|jump| law(vec![jump], among, false)))
+        .chain(vibration.map(|(waves, among)| law(waves, among, false)))
+        .filter(|law| !law.columns.is_empty())
         .collect()
 }
 

@@ -84,6 +84,8 @@ pub struct Item<'a> {
 /// A smooth law on no list.
 #[derive(Clone, Debug)]
 pub struct Smooth {
+    /// Whether it tells that something is left where no name is taken back for it.
+    pub tells_rest: bool,
     /// What saying that there is one costs, in nats.
     pub cost: f64,
     /// It is a sum of these.
