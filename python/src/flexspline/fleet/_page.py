@@ -121,7 +121,7 @@ def body(summary: Summary) -> str:
                     f"{row['robots_with']} of {row['robots']}",
                     _interval(row, "mean", "low", "high"),
                     _value(row["spread"], row["parameter"]),
-                    f"{100 * row['share']:.2g} %",
+                    f"{100 * row['share']:.1f} %",
                 ]
                 for row in summary.common.iter_rows(named=True)
             ],
