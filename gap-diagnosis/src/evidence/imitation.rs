@@ -14,7 +14,7 @@ use super::{AMPLITUDE_NATS, Evidence, NAME_NATS, Names, Scored, Smooth};
 const INSTANTS: usize = 20;
 /// Periods of a vibration in the recording, at least: with fewer it is a bend.
 const PERIODS_LEAST: f64 = 4.0;
-/// Part of the rate of rows below which a vibration is sought: they were filtered at half of that.
+/// Part of the rate of rows below which a vibration is sought: at half of it a wave's sine is gone.
 const FASTEST: f64 = 0.4;
 
 /// Takes back those names of the best set whose part of the gap a smooth law explains better; sets with such a name are no more. Says whether
