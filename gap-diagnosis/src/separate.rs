@@ -11,6 +11,7 @@ use crate::checks::mend;
 use crate::closed_loop::search::Search;
 use crate::diagnose::DiagnoseError;
 use crate::effects::{Hypothesis, Shown, periodic, plain};
+use crate::evidence::DEVIATIONS;
 use crate::evidence::told::regimes;
 use crate::fit::{Bound, Fit};
 use crate::on_all_cores::OnAllCores;
@@ -18,9 +19,6 @@ use crate::report::Regime;
 use crate::twin::observe::Channel;
 use crate::twin::stretch::stretches;
 use crate::twin::{Changes, JointTwin, Row};
-
-/// Known values stay within so many of their deviations.
-const TOLERANCE: f64 = 3.0;
 
 /// What rows are told apart by: its name, and what a row has of it.
 type Variable<'a> = (&'a str, &'a dyn Fn(&Row) -> f64);
@@ -170,8 +168,12 @@ impl<'a> Responses<'a> {
             .iter()
             .map(|known| Bound {
                 range: [
-                    if known.is_positive() { 0.0 } else { -TOLERANCE },
-                    TOLERANCE,
+                    if known.is_positive() {
+                        0.0
+                    } else {
+                        -DEVIATIONS
+                    },
+                    DEVIATIONS,
                 ],
                 precision: 1.0,
             })

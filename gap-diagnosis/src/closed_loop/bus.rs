@@ -3,9 +3,7 @@
 use robot::Effect;
 
 use crate::checks::found::Found;
-
-/// Standard errors within which delays of several joints are one.
-const DELAYS_ALIKE_ERRORS: f64 = 2.0;
+use crate::evidence::ERRORS;
 
 /// A delay that the samples of several joints show alike.
 #[derive(Clone, Debug)]
@@ -34,7 +32,7 @@ pub fn common_delay(counted: &[Vec<Found>]) -> Option<CommonDelay> {
     }
     delays.sort_by(|a, b| a.1.total_cmp(&b.1));
     let (_, median_s, _) = *delays.get(delays.len() / 2)?;
-    delays.retain(|(_, delay_s, std_s)| (delay_s - median_s).abs() <= DELAYS_ALIKE_ERRORS * std_s);
+    delays.retain(|(_, delay_s, std_s)| (delay_s - median_s).abs() <= ERRORS * std_s);
     if delays.len() < 2 || 2 * delays.len() <= counted.len() {
         return None;
     }

@@ -1,6 +1,7 @@
 //! What a fit tells of the recording itself, beside every effect.
 
 use super::search::Search;
+use crate::evidence::DEVIATIONS;
 use crate::report::DataFinding;
 use crate::twin::known::Known;
 
@@ -10,8 +11,6 @@ const VIBRATES: f64 = 0.2;
 const SKEW_TOLD_PART: f64 = 0.25;
 /// By how much their zeros must lie apart.
 const ZERO_TOLD_RAD: f64 = 5e-4;
-/// Standard errors that both must be.
-const TOLD_ERRORS: f64 = 3.0;
 
 /// That a joint vibrates, where that outpaces its own motion for long.
 pub(crate) fn vibration(joint: &str, search: &Search<'_>) -> Option<DataFinding> {
@@ -37,7 +36,7 @@ pub(crate) fn encoders(joint: &str, search: &Search<'_>, known: &[[f64; 2]]) -> 
         let of_twin = &search.twin.known;
         let place = of_twin.iter().position(|known| known.known == value)?;
         let [off, std] = known.get(place)?.map(|x| x * of_twin[place].deviation);
-        (off.abs() > TOLD_ERRORS * std).then_some((off, std))
+        (off.abs() > DEVIATIONS * std).then_some((off, std))
     };
     let note = |what: String, remedy: &str| DataFinding {
         joint: Some(joint.to_owned()),

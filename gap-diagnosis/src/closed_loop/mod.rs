@@ -33,8 +33,8 @@ use crate::diagnose::{
 use crate::evidence::imitation;
 use crate::evidence::rows::Rows;
 use crate::evidence::shares::Interval;
-use crate::evidence::told::{FLOOR, Found, MATERIALITY, Said};
-use crate::evidence::{Evidence, Problem, Scored};
+use crate::evidence::told::{Found, MATERIALITY, Said};
+use crate::evidence::{ERRORS, Evidence, Problem, Scored};
 use crate::on_all_cores::OnAllCores;
 use crate::report::{
     BeforeAfter, Candidate, DataFinding, Gap, JointReport, JointShare, SignalGap, Verdict,
@@ -304,7 +304,7 @@ impl<'a> Joint<'a> {
         let left = explained.evidence.mean_squares(best.names);
         let settled = explained.evidence.settled();
         let mut above = left.iter().zip(settled);
-        let is_at_floor = above.all(|(left, settled)| *left <= FLOOR.powi(2) * settled.floor);
+        let is_at_floor = above.all(|(left, settled)| *left <= ERRORS.powi(2) * settled.floor);
         let without_cause = |_| {
             let beside = |problem: &Problem<'_>| Evidence::beside(problem, &explained.evidence);
             explained.about.evidence(&self.compared, None, beside)

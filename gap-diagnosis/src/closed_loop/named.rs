@@ -5,18 +5,15 @@ use crate::twin::TwinError;
 use recording::Recording;
 use robot::Robot;
 
-use super::Joint;
 use super::refine::{Worth, refined};
 use super::rows::{About, Compared};
+use super::{Joint, ROUNDS};
 use crate::closed_loop::repeated::Repeated;
 use crate::closed_loop::search::{Model, Search};
 use crate::diagnose::{DiagnoseError, prepared};
 use crate::evidence::{Evidence, Names, Settled};
 use crate::twin::JointTwin;
 use crate::twin::stretch::stretches;
-
-/// Rounds in which responses and values settle.
-const ROUNDS: usize = 2;
 
 /// Held-out shrink of one joint with effects of these names; none where no recording tells its torque.
 ///

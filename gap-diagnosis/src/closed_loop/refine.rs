@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::rows::{Compared, own_columns};
 use crate::closed_loop::search::{Model, Search, Term, difference};
-use crate::evidence::Settled;
+use crate::evidence::{DEVIATIONS, Settled};
 
 /// Steps at most.
 const STEPS: usize = 6;
@@ -14,8 +14,6 @@ const STEPS: usize = 6;
 const PARTS: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
 /// Nats that a step must take off, or it is the last: a tenth of what tells one set from another.
 const STILL_NATS: f64 = 0.3;
-/// Standard deviations of a known value at most.
-const TOLERANCE: f64 = 3.0;
 
 /// A model with what it leaves.
 #[derive(Clone, Debug)]
@@ -165,7 +163,7 @@ fn moved(
 ) -> Model {
     let mut moved = model.clone();
     for (value, step) in moved.known.iter_mut().zip(step.iter()) {
-        *value = (*value + part * step).clamp(-TOLERANCE, TOLERANCE);
+        *value = (*value + part * step).clamp(-DEVIATIONS, DEVIATIONS);
     }
     for (value, of) in moved.known.iter_mut().zip(&search.twin.known) {
         if of.is_positive() {

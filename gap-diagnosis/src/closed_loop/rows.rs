@@ -7,22 +7,17 @@ use crate::closed_loop::respond::Linear;
 use crate::closed_loop::search::{Model, Search, Term, difference};
 use crate::effects::Hypothesis;
 use crate::evidence::{
-    AMPLITUDE_NATS, Evidence, Fit, ITEMS_MAX, Item, Message, NAME_NATS, Names, Presupposed,
-    Problem, Span,
+    AMPLITUDE_NATS, DEVIATIONS, ERRORS, Evidence, Fit, INEXACT, ITEMS_MAX, Item, Message,
+    NAME_NATS, Names, Presupposed, Problem, Span,
 };
 use crate::on_all_cores::OnAllCores;
 
-/// Standard errors by which a value may pass a limit that no joint passes.
-const ERRORS: f64 = 2.0;
-/// Standard deviations of a known value at most: beyond that it is a finding.
-const TOLERANCE: f64 = 3.0;
 /// Names among which one costs [`NAME_NATS`]; among more the odds against each are longer. Before anything is seen it is then one to five
 /// that a joint has any of them; fitted to 200 development cases, so that what is stated with a probability holds as often.
 const AMONG: f64 = 4.0;
-/// Part of its torque by which a law of friction or of a gear is no truer, however well it is fitted; and on motion of one speed, direction
-/// or frequency, where two laws differ in nothing but the short times in which the joint turns or starts, of which no law is true.
-const LAW: f64 = 0.03;
-const LAW_ON_POOR_MOTION: f64 = 0.075;
+/// [`INEXACT`] on motion of one speed, direction or frequency, where two laws differ in nothing but the short times in which the joint turns
+/// or starts, of which no law is true.
+const INEXACT_ON_POOR_MOTION: f64 = 0.075;
 /// What every joint may have.
 const USUAL: [&str; 3] = ["coulomb_friction", "viscous_friction", "torque_offset"];
 
@@ -65,7 +60,11 @@ impl Compared {
             order,
             weights,
             spans,
-            inexact: if is_poor { LAW_ON_POOR_MOTION } else { LAW },
+            inexact: if is_poor {
+                INEXACT_ON_POOR_MOTION
+            } else {
+                INEXACT
+            },
         }
     }
 
@@ -283,7 +282,7 @@ impl About {
         let known = fit.beside.iter().take(self.known.len());
         let terms = fit.amplitudes.iter();
         Model {
-            known: known.map(|k| k.clamp(-TOLERANCE, TOLERANCE)).collect(),
+            known: known.map(|k| k.clamp(-DEVIATIONS, DEVIATIONS)).collect(),
             settled: self.model.settled.clone(),
             terms: terms
                 .map(|(item, amplitudes)| self.term(search, *item, amplitudes))

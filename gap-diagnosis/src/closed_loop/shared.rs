@@ -12,14 +12,10 @@ use super::{Explained, Joint, counted};
 use crate::closed_loop::search::Term;
 use crate::effects::Hypothesis;
 use crate::evidence::Message;
-use crate::evidence::arm::{self, Cause};
+use crate::evidence::arm::{self, Cause, ROUNDS};
 use crate::evidence::told::{self, TEMPERATURE};
 use crate::on_all_cores::OnAllCores;
 use crate::report::{JointShare, NamedEffect, SharedEffect};
-
-/// Rounds in which joints tell each other of the cause: a payload's inertia is quadratic in its moments, which settle to a hundredth in
-/// three.
-const ROUNDS: usize = 3;
 
 /// A cause, and every joint that has a twin beside it.
 type Beside = (Shared, Vec<Option<Explained>>);

@@ -6,14 +6,12 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix2};
 
 use crate::fit::matrix;
 use crate::on_all_cores::OnAllCores;
-use crate::signal::waves::Waves;
+use crate::signal::waves::{PERIODS_MIN, Waves};
 use crate::twin::Row;
 
 /// Fewest and most cycles per motor turn that are looked for.
 const CYCLES: [f64; 2] = [0.5, 24.0];
-/// Periods of the slowest one within the recorded range: fewer are a shape over position that anything may have.
-const PERIODS_MIN: f64 = 4.0;
-/// The same of a whole number of cycles that a peak is at, as of what repeats with a shaft, or of which a multiple is known to
+/// [`PERIODS_MIN`] of a whole number of cycles that a peak is at, as of what repeats with a shaft, or of which a multiple is known to
 /// repeat: what comes twice a turn mostly comes once too.
 const PERIODS_MIN_WHOLE: f64 = 2.0;
 /// Steps between two numbers of cycles that the range can tell apart.

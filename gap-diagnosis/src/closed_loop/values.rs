@@ -6,15 +6,13 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::closed_loop::search::{Model, Search, Term};
 use crate::effects::numbers::{numbers, side};
+use crate::evidence::INEXACT;
+use crate::evidence::shares::DRAWS;
 use crate::report::{BeforeAfter, Parameter};
 use crate::signal::random::uniform;
 use crate::twin::TwinError;
 use crate::twin::observe::Channel;
 
-/// A law is no truer than this part of its values, however well it is fitted.
-const LAW: f64 = 0.03;
-/// Samples of a bootstrap.
-const DRAWS: usize = 400;
 /// Within this part of a limit a shape counts as on it.
 const AT_BOUND: f64 = 0.02;
 
@@ -105,7 +103,7 @@ pub fn term_parameters(
             let (sum, count) = spread.get(&name).copied().unwrap_or_default();
             let scatter = (sum / f64::max(count, 1.0)).sqrt();
             let of_law = if is_size(&name) {
-                LAW * (value - if name == "gain" { 1.0 } else { 0.0 }).abs()
+                INEXACT * (value - if name == "gain" { 1.0 } else { 0.0 }).abs()
             } else {
                 0.0
             };

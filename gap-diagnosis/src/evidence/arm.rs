@@ -5,7 +5,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::Message;
+use super::{AMPLITUDE_NATS, Message, NAME_NATS};
+
+/// Rounds in which joints tell each other of a cause: a payload's inertia is quadratic in its moments, which settle to a hundredth in three.
+pub const ROUNDS: usize = 3;
 
 /// A cause that the arm may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,7 +50,7 @@ impl Cause {
 
     /// What it costs the whole arm, in nats: a name, and each further amplitude.
     pub fn cost(self) -> f64 {
-        3.0 + 1.5 * (self.amplitudes() - 1) as f64
+        NAME_NATS + AMPLITUDE_NATS * (self.amplitudes() - 1) as f64
     }
 }
 

@@ -9,11 +9,10 @@ use super::remaining::{bent, braking, hats, since_reversal};
 use super::rows::Rows;
 use super::sums::dot;
 use super::{AMPLITUDE_NATS, Evidence, NAME_NATS, Names, Scored, Smooth};
+use crate::signal::waves::PERIODS_MIN;
 
 /// Parts of the recording between which something may have changed at once: half of what is left out in turn.
 const INSTANTS: usize = 20;
-/// Periods of a vibration in the recording, at least: with fewer it is a bend.
-const PERIODS_LEAST: f64 = 4.0;
 /// Part of the rate of rows below which a vibration is sought: at half of it a wave's sine is gone.
 const FASTEST: f64 = 0.4;
 
@@ -48,8 +47,8 @@ pub fn take_back(
         sets.insert(0, evidence.scored(told));
     }
     let known = beside.scored(best).score;
-    let mut others = beside.smooth().zip(&laws).filter(|(_, law)| law.tells_rest);
-    taken != 0 || others.any(|(place, _)| beside.scored(best | place).score > known)
+    let mut others = beside.smooth();
+    taken != 0 || others.any(|law| beside.scored(best | law).score > known)
 }
 
 /// The names of the best set that are told beside the law that explains most with them; none where no law is ahead of the names.
@@ -81,29 +80,26 @@ fn laws(rows: &Rows, rest_nm: &[f64]) -> Vec<Smooth> {
     let speed_rad_s: Vec<f64> = rows.velocity_rad_s.iter().map(|v| v.abs()).collect();
     // all columns together are Coulomb friction, a constant is an offset
     let but_first = |columns: Vec<Vec<f64>>| columns.into_iter().skip(1).collect::<Vec<_>>();
-    let law = |columns: Vec<Vec<f64>>, among: f64, tells_rest: bool| Smooth {
-        tells_rest,
+    let law = |columns: Vec<Vec<f64>>, among: f64| Smooth {
         cost: NAME_NATS + among + AMPLITUDE_NATS * columns.len().saturating_sub(1) as f64,
         columns,
     };
-    let rests = [
+    let smooth = [
         since_reversal(rows),
         bent(&rows.time_s),
         over_position.clone(),
+        braking(over_position),
+        braking(hats(&speed_rad_s)),
     ];
-    // friction is hardly ever a named curve exactly, nor the same at all angles: that is how it is, and no rest
-    let frictions = [braking(over_position), braking(hats(&speed_rad_s))];
     let jumps = jumps(&rows.time_s);
     let among = (2.0 * jumps.len() as f64).ln();
     let jumps = braking(jumps.clone()).into_iter().chain(jumps);
     let vibration = vibration(&rows.time_s, rest_nm).into_iter();
-    let rests = rests.map(|columns| law(but_first(columns), 0.0, true));
-    let frictions = frictions.map(|columns| law(but_first(columns), 0.0, false));
-    rests
+    let smooth = smooth.map(|columns| law(but_first(columns), 0.0));
+    smooth
         .into_iter()
-        .chain(frictions)
-        .chain(jumps.map(|jump| law(vec![jump], among, false)))
-        .chain(vibration.map(|(waves, among)| law(waves, among, false)))
+        .chain(jumps.map(|jump| law(vec![jump], among)))
+        .chain(vibration.map(|(waves, among)| law(waves, among)))
         .filter(|law| !law.columns.is_empty())
         .collect()
 }
@@ -140,7 +136,7 @@ fn vibration(time_s: &[f64], rest_nm: &[f64]) -> Option<(Vec<Vec<f64>>, f64)> {
             .sum::<f64>()
     };
     // half a line apart, so that none is missed
-    let first = (2.0 * PERIODS_LEAST) as usize;
+    let first = (2.0 * PERIODS_MIN) as usize;
     let last = (2.0 * FASTEST * rows_hz * whole_s) as usize;
     let all = (first..last).map(|k| 0.5 * k as f64 / whole_s);
     let most = all

@@ -5,10 +5,13 @@
 //! yardstick; not the noise of a sensor. What lies below a channel's floor is nobody's. What the file's values are strained is half
 //! the square of its standard deviations, in nats, by the prior that their tolerance is.
 
+mod apart;
 pub mod arm;
+mod fit;
 pub mod imitation;
 pub mod remaining;
 pub mod rows;
+mod search;
 pub mod shares;
 mod sums;
 pub mod told;
@@ -17,28 +20,25 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
+pub use fit::Fit;
 use sums::{Reduced, Sums, dot, parts};
 
 /// Parts of the recording that are left out in turn.
 pub const PARTS: usize = 10;
-/// Names of one joint at most.
-const NAMES_MAX: usize = 4;
 /// Cost of a name, in nats: odds of one to twenty against each of a dozen laws that is looked at.
 pub const NAME_NATS: f64 = 3.0;
 /// Cost of each amplitude after the first, in nats.
 pub const AMPLITUDE_NATS: f64 = 1.5;
-/// Sets of one size that are made larger, the best first: all pairs of a dozen laws.
-const GROWN: usize = 80;
 /// Correlation below which rows count as independent.
 const INDEPENDENT: f64 = 0.05;
 /// Rows that are independent at least.
 const ROWS_LEAST: f64 = 10.0;
-/// Sets that fall behind the best by more nats than this have no weight: e⁻¹².
-const BEHIND: f64 = 12.0;
-/// Standard deviations of what a law is inexact by.
-const TRUER: f64 = 3.0;
-/// Part of its square that shows in a few waves for it to be one of them: more than half.
-const MOSTLY: f64 = 0.5;
+/// Standard errors within which two values are one, and by which a value may pass a limit that no joint passes.
+pub const ERRORS: f64 = 2.0;
+/// Standard deviations beyond which a value is a finding.
+pub const DEVIATIONS: f64 = 3.0;
+/// Part of its torque by which a law of friction or of a gear is no truer, however well it is fitted.
+pub const INEXACT: f64 = 0.03;
 /// Keeps a matrix from being singular where two columns are alike, relative to a column's square.
 const ALIKE: f64 = 1e-9;
 
@@ -84,8 +84,6 @@ pub struct Item<'a> {
 /// A smooth law on no list.
 #[derive(Clone, Debug)]
 pub struct Smooth {
-    /// Whether it tells that something is left where no name is taken back for it.
-    pub tells_rest: bool,
     /// What saying that there is one costs, in nats.
     pub cost: f64,
     /// It is a sum of these.
@@ -179,19 +177,6 @@ pub struct Scored {
     pub score: f64,
     /// Sum of squares left out, part by part, over all rows; of further signals in units of their floors, as large as the first's.
     pub left: [f64; PARTS],
-}
-
-/// Values of a set fitted to all rows.
-#[derive(Clone, Debug)]
-pub struct Fit {
-    /// Amplitudes of each item of the set, by its place.
-    pub amplitudes: Vec<(usize, Vec<f64>)>,
-    /// Covariance of all amplitudes in that order.
-    pub covariance: DMatrix<f64>,
-    /// Values of the columns in every set.
-    pub beside: Vec<f64>,
-    /// What the set predicts of the gap.
-    pub predicted_nm: Vec<f64>,
 }
 
 impl Evidence {
@@ -489,31 +474,6 @@ impl Evidence {
         (matrix, vector)
     }
 
-    /// Sets of at most so many names, no name twice: none, singles and pairs, and what the best of each size make with one more.
-    fn sets(&self) -> Vec<Scored> {
-        let mut all = vec![self.scored(0)];
-        let mut of_size: Vec<Names> = vec![0];
-        for size in 1..=NAMES_MAX {
-            let mut larger: Vec<Names> = Vec::new();
-            for &names in &of_size {
-                let held = |kind: usize| {
-                    (0..self.kinds.len()).any(|k| names & 1 << k != 0 && self.kinds[k] == kind)
-                };
-                let more = (0..self.kinds.len()).filter(|index| !held(self.kinds[*index]));
-                larger.extend(more.map(|index| names | 1 << index));
-            }
-            larger.sort_unstable();
-            larger.dedup();
-            let mut scored: Vec<Scored> =
-                larger.into_iter().map(|names| self.scored(names)).collect();
-            scored.sort_by(|a, b| b.score.total_cmp(&a.score));
-            let kept = if size == 1 { scored.len() } else { GROWN };
-            of_size = scored.iter().take(kept).map(|set| set.names).collect();
-            all.extend(scored);
-        }
-        all
-    }
-
     fn places(&self, names: Names) -> Vec<usize> {
         let laws = self.own.iter().enumerate();
         laws.filter(|(index, _)| names & (1 << index) != 0)
@@ -567,85 +527,6 @@ impl Evidence {
         Scored { names, score, left }
     }
 
-    /// Nats by which a set with another item, or with none, would stay behind if `names` were the truth: what `gone`'s part leaves where
-    /// `come` takes its place and everything else gives way. Laws that differ by less than they are inexact are not apart.
-    pub fn apart(&self, names: Names, gone: usize, come: Option<usize>) -> f64 {
-        let whole = &self.whole;
-        let all = self.places(names);
-        let values = whole.values(&all);
-        let own = self.places(1 << gone);
-        let part: Vec<f64> = own
-            .iter()
-            .filter_map(|place| Some(values[all.iter().position(|other| other == place)?]))
-            .collect();
-        let come = come.map_or(0, |come| 1 << come);
-        let others = self.places(names & !(1 << gone) | come);
-        // how the part pulls on each column
-        let pulled = |place: &usize| {
-            let both = own.iter().zip(&part);
-            both.map(|(own, value)| value * whole.train[(*place, *own)])
-                .sum::<f64>()
-        };
-        let square: f64 = own
-            .iter()
-            .zip(&part)
-            .map(|(own, value)| value * pulled(own))
-            .sum();
-        let pull = DVector::from_iterator(others.len(), others.iter().map(pulled));
-        let taken = match whole.picked(&others).0.cholesky() {
-            Some(solved) => pull.dot(&solved.solve(&pull)),
-            None => 0.0,
-        };
-        let left = (square - taken).max(0.0);
-        if left < self.inexact_part() * square {
-            return 0.0;
-        }
-        0.5 * self.row_precision() * left
-    }
-
-    /// Part of what one item explains of a few waves that another would leave of it there; none if that one shows mostly elsewhere. Waves are
-    /// over the rows of the first signal.
-    pub fn apart_in(
-        &self,
-        waves: &[Vec<f64>],
-        names: Names,
-        gone: usize,
-        come: usize,
-    ) -> Option<f64> {
-        let values = self.whole.values(&self.places(names));
-        let all = self.places(names);
-        let own = self.own[gone].clone();
-        let mut part = vec![0.0; self.spans[0].rows.len()];
-        for (place, value) in all.iter().zip(values.iter()) {
-            if own.contains(place) {
-                let column = &self.columns[*place];
-                part.iter_mut()
-                    .zip(column)
-                    .for_each(|(sum, x)| *sum += value * x);
-            }
-        }
-        let shown = |column: &[f64]| {
-            let of_wave = waves.iter();
-            let of_wave = of_wave.map(|wave| dot(column, wave) / dot(wave, wave).sqrt());
-            DVector::from_iterator(waves.len(), of_wave)
-        };
-        let target = shown(&part);
-        let columns = self.own[come].clone().map(|place| {
-            let column = &self.columns[place][..part.len()];
-            let shown = shown(column);
-            (shown.norm_squared() > MOSTLY * dot(column, column)).then_some(shown)
-        });
-        let columns = columns.collect::<Option<Vec<_>>>()?;
-        let matrix = DMatrix::from_columns(&columns);
-        let solved = matrix.clone().svd(true, true).solve(&target, ALIKE).ok()?;
-        Some((&target - matrix * solved).norm_squared() / target.norm_squared())
-    }
-
-    /// Part of its square by which a law is not true, at most.
-    pub fn inexact_part(&self) -> f64 {
-        (TRUER * self.inexact).powi(2)
-    }
-
     /// Squares of the standard deviations by which the file's values are off beside a set, and of those that its amplitudes are: two that
     /// cancel each other are large.
     fn strain(&self, names: Names) -> f64 {
@@ -657,73 +538,6 @@ impl Evidence {
         let of_laws = own.map(|(place, value)| self.lift[*place] * value.powi(2));
         let of_laws = self.row_precision() * of_laws.sum::<f64>();
         rest.rows(0, tolerated).norm_squared() + of_laws
-    }
-
-    /// What the file's values, and the arm's shared cause, come to beside a set.
-    pub fn values_beside(&self, names: Names) -> Vec<f64> {
-        let places = self.places(names);
-        let rest = self.whole.rest_of(&places, &self.whole.values(&places));
-        rest.iter().copied().collect()
-    }
-
-    /// Values and errors of the file's beside a set, in standard deviations of what is known of them.
-    pub fn known_beside(&self, names: Names) -> Vec<[f64; 2]> {
-        let total = self.total();
-        let (prior, _) = self.prior();
-        let laws = self.places(names);
-        let known = self.law_columns..self.columns.len() - self.shared_columns;
-        let all: Vec<usize> = laws.iter().copied().chain(known.clone()).collect();
-        let mut matrix =
-            DMatrix::from_fn(all.len(), all.len(), |i, j| total.gram[(all[i], all[j])]);
-        for (i, place) in all.iter().enumerate() {
-            matrix[(i, i)] += match place.checked_sub(self.law_columns) {
-                None => self.lift[*place],
-                Some(at) => prior[(at, at)],
-            };
-        }
-        let variance = match matrix.cholesky() {
-            Some(solved) => solved.inverse().diagonal() / self.row_precision(),
-            None => DVector::from_element(all.len(), 1.0),
-        };
-        let values = self.values_beside(names);
-        let errors = variance.iter().skip(laws.len()).map(|v| v.max(0.0).sqrt());
-        values
-            .into_iter()
-            .zip(errors)
-            .map(|(value, error)| [value, error])
-            .collect()
-    }
-
-    /// Sums of squares that a set leaves out, part by part, with the columns in every set held at these values; those that are not told are
-    /// none.
-    pub fn left_at(&self, names: Names, beside: &[f64]) -> [f64; PARTS] {
-        let places = self.places(names);
-        let held: Vec<(usize, f64)> = (self.law_columns..self.columns.len())
-            .zip(beside.iter().copied())
-            .collect();
-        std::array::from_fn(|part| {
-            let train = &self.trains[part];
-            let count = places.len();
-            let matrix = DMatrix::from_fn(count, count, |i, j| {
-                let lift = if i == j { self.lift[places[i]] } else { 0.0 };
-                train.gram[(places[i], places[j])] + lift
-            });
-            let vector = DVector::from_fn(count, |i, _| {
-                let taken = held.iter();
-                let taken = taken.map(|(at, value)| value * train.gram[(places[i], *at)]);
-                train.vector[places[i]] - taken.sum::<f64>()
-            });
-            let values = match matrix.cholesky() {
-                Some(solved) => solved.solve(&vector),
-                None => DVector::zeros(count),
-            };
-            let own = places.iter().copied().zip(values.iter().copied());
-            let all: Vec<(usize, f64)> = own.chain(held.iter().copied()).collect();
-            let spans = self.parts.iter().zip(self.energies());
-            spans
-                .map(|(of_span, factor)| factor * of_span[part].left_by(&all))
-                .sum()
-        })
     }
 
     /// Sum of a column's squares, in the units of [`Scored::left`].
@@ -759,129 +573,6 @@ impl Evidence {
                 factor * span.rows.len() as f64 * settled.floor.min(left)
             })
             .sum()
-    }
-
-    /// All sets that `is_possible` that are not far behind the best: first what is told, then the best first. There is always one: no name.
-    /// It is what is told unless the odds against it are those that a name costs.
-    pub fn best(&self, is_possible: impl Fn(&Fit) -> bool) -> Vec<Scored> {
-        self.possible(self.ranked(), is_possible)
-    }
-
-    /// All sets, the best first, whether possible or not.
-    pub fn ranked(&self) -> Vec<Scored> {
-        let mut all = self.sets();
-        all.sort_by(|a, b| b.score.total_cmp(&a.score));
-        all
-    }
-
-    /// [`best`](Self::best) of all that are [`ranked`](Self::ranked).
-    pub fn possible(&self, all: Vec<Scored>, is_possible: impl Fn(&Fit) -> bool) -> Vec<Scored> {
-        let mut kept: Vec<Scored> = Vec::new();
-        for scored in all {
-            if let Some(best) = kept.first()
-                && scored.score < best.score - BEHIND
-            {
-                break;
-            }
-            if scored.names == 0 || is_possible(&self.fit(scored.names)) {
-                kept.push(scored);
-            }
-        }
-        let best = kept[0].score;
-        let weight = |set: &Scored| (set.score - best).exp();
-        let all: f64 = kept.iter().map(weight).sum();
-        let is_probable = |set: &Scored| weight(set) / all > (-NAME_NATS).exp();
-        let none = kept.iter().position(|set| set.names == 0);
-        if let Some(place) = none.filter(|place| is_probable(&kept[*place])) {
-            let none = kept.remove(place);
-            kept.insert(0, none);
-        }
-        kept
-    }
-
-    /// A set fitted to all rows.
-    pub fn fit(&self, names: Names) -> Fit {
-        let places = self.places(names);
-        let whole = &self.whole;
-        let values = whole.values(&places);
-        let rest = whole.rest_of(&places, &values);
-        let inverse = whole.inverse(&places) / self.row_precision();
-        let mut predicted_nm = vec![0.0; self.gap_nm.len()];
-        let laws = places.iter().zip(values.iter());
-        let beside = (self.law_columns..).zip(rest.iter());
-        for (place, value) in laws.map(|(place, value)| (*place, value)).chain(beside) {
-            for (sum, x) in predicted_nm.iter_mut().zip(&self.columns[place]) {
-                *sum += value * x;
-            }
-        }
-        let mut amplitudes = Vec::new();
-        let mut at = 0;
-        for index in 0..self.kinds.len() {
-            if names & (1 << index) != 0 {
-                let own = self.own[index].clone();
-                let count = own.len();
-                let of_item = own
-                    .enumerate()
-                    .map(|(k, place)| values[at + k] / self.scale[place]);
-                amplitudes.push((index, of_item.collect::<Vec<f64>>()));
-                at += count;
-            }
-        }
-        let scales: Vec<f64> = places.iter().map(|place| self.scale[*place]).collect();
-        let covariance = DMatrix::from_fn(places.len(), places.len(), |i, j| {
-            inverse[(i, j)] / (scales[i] * scales[j])
-        });
-        Fit {
-            amplitudes,
-            covariance,
-            beside: rest.iter().copied().collect(),
-            predicted_nm,
-        }
-    }
-
-    /// What this joint alone says of the shared cause's amplitudes beside a set of names; none without one.
-    pub fn message(&self, names: Names) -> Option<Message> {
-        let shared = self.shared.as_ref()?;
-        let places = self.places(names);
-        let total = self.total();
-        let count = self.columns.len();
-        let from = count - self.shared_columns;
-        let others: Vec<usize> = places
-            .iter()
-            .copied()
-            .chain(self.law_columns..from)
-            .collect();
-        let worth = self.row_precision();
-        let (prior, _) = self.prior();
-        let pick = |rows: &[usize], columns: &[usize]| {
-            DMatrix::from_fn(rows.len(), columns.len(), |i, j| {
-                worth * total.gram[(rows[i], columns[j])]
-            })
-        };
-        let of_shared: Vec<usize> = (from..count).collect();
-        let mut beside = pick(&others, &others);
-        let lift = &self.lift;
-        for i in 0..others.len() {
-            let place = others[i];
-            beside[(i, i)] += if place < self.law_columns {
-                worth * lift[place]
-            } else {
-                let at = place - self.law_columns;
-                worth * prior[(at, at)]
-            };
-        }
-        let cross = pick(&others, &of_shared);
-        let vector = |at: &[usize]| {
-            DVector::from_iterator(at.len(), at.iter().map(|k| worth * total.vector[*k]))
-        };
-        let mut precision = pick(&of_shared, &of_shared);
-        let mut pull = vector(&of_shared);
-        if let Some(solved) = beside.cholesky() {
-            precision -= cross.transpose() * solved.solve(&cross);
-            pull -= cross.transpose() * solved.solve(&vector(&others));
-        }
-        debug_assert_eq!(shared.pull.len(), pull.len());
-        Some(Message { precision, pull })
     }
 }
 

@@ -6,7 +6,7 @@ use rand_pcg::Pcg64Mcg;
 use super::PARTS;
 
 /// Resamplings of the parts.
-const DRAWS: usize = 400;
+pub const DRAWS: usize = 400;
 /// A fixed beginning: the same recording gives the same interval.
 const SEED: u64 = 1;
 /// Ends of a 95 % interval.

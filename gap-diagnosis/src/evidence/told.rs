@@ -8,7 +8,7 @@ use nalgebra::DMatrix;
 
 use super::rows::Rows;
 use super::shares::{Game, Interval, Shares};
-use super::{Evidence, Fit, Names, Scored};
+use super::{DEVIATIONS, ERRORS, Evidence, Fit, NAME_NATS, Names, Scored};
 use crate::effects::numbers::{numbers, side};
 use crate::report::{
     BandShare, BeforeAfter, Candidate, Confusable, Gap, JointReport, NamedEffect, Parameter,
@@ -22,15 +22,8 @@ pub const MATERIALITY: f64 = 0.02;
 const EXPLAINED: f64 = 0.9;
 /// Or, with structure left, explain a part of it.
 const PARTLY: f64 = 0.2;
-/// What is left reaches the noise within this factor: two standard deviations of it.
-pub const FLOOR: f64 = 2.0;
-/// Part of the torque within which what is left is the sensors': torque transducers and current sensors of class 0.5 are linear to half
-/// a per cent.
-const LINEAR: f64 = 0.005;
-/// Nats within which two sets cannot be told apart: odds of one to twenty, the cost of a name.
-const NEAR: f64 = 3.0;
 /// Nats by which one name would have to be ahead of another, if it were true, to be told from it: three standard deviations.
-const ALIKE: f64 = 4.5;
+const ALIKE: f64 = 0.5 * DEVIATIONS * DEVIATIONS;
 /// Below this weight a set's shares are not looked at.
 const WEIGHT_MIN: f64 = 1e-3;
 /// Nats to the unit of log odds in which probabilities are stated.
@@ -180,7 +173,7 @@ impl Found<'_> {
         );
         let at_floor = self
             .is_at_floor
-            .unwrap_or(left + noise <= FLOOR.powi(2) * noise);
+            .unwrap_or(left + noise <= ERRORS.powi(2) * noise);
         let is_quiet = self.is_at_floor.unwrap_or(remaining_over.is_empty());
         let candidates = self.candidates(&weights, &shares, is_quiet);
         let taken: f64 = effects.iter().map(|effect| effect.share).sum::<f64>()
@@ -189,9 +182,6 @@ impl Found<'_> {
         let has_names = !effects.is_empty() || shared.is_some_and(|s| s.value >= self.materiality);
         let confusable = self.confusable(&best);
         let is_sure = is_sure(&candidates, &confusable);
-        let torque_nm = &self.rows.measured_nm;
-        let torque = torque_nm.iter().map(|x| x * x).sum::<f64>() / rows;
-        let leaves_structure = self.leaves_a_law && left + noise > LINEAR.powi(2) * torque;
         let verdict = if !has_names {
             let is_empty =
                 best.names == 0 && remaining_over.is_empty() && self.is_at_floor.is_none();
@@ -202,7 +192,7 @@ impl Found<'_> {
             }
         } else if !is_sure {
             Verdict::Ambiguous
-        } else if at_floor || taken >= EXPLAINED && !leaves_structure {
+        } else if at_floor || taken >= EXPLAINED && !self.leaves_a_law {
             Verdict::Explained
         } else if taken >= PARTLY {
             Verdict::PartlyExplained
@@ -320,7 +310,7 @@ impl Found<'_> {
     /// Names that could stand for one another: sets within a few nats that differ in one name.
     fn confusable(&self, best: &Scored) -> Vec<Confusable> {
         let mut pairs: Vec<Confusable> = Vec::new();
-        let near = |set: &&Scored| best.score - set.score <= NEAR;
+        let near = |set: &&Scored| best.score - set.score <= NAME_NATS;
         for set in self.sets.iter().skip(1).take_while(near) {
             let behind = (best.score - set.score).max(0.0);
             let (gone, come) = (best.names & !set.names, set.names & !best.names);
@@ -352,7 +342,7 @@ impl Found<'_> {
             truth.extend(self.in_place_of(best.names, gone).filter_map(|(come, _)| {
                 let names = best.names & !(1 << gone) | 1 << come;
                 let score = self.evidence.scored(names).score;
-                (best.score - score <= NEAR).then_some((names, come))
+                (best.score - score <= NAME_NATS).then_some((names, come))
             }));
             for (names, own) in truth {
                 for (come, apart) in self.in_place_of(names, own) {
@@ -499,7 +489,7 @@ fn is_sure(candidates: &[Candidate], confusable: &[Confusable]) -> bool {
             has(&first.effect) && has(&other.effect)
         })
     };
-    let odds = |other: &Candidate| other.probability > first.probability * (-NEAR).exp();
+    let odds = |other: &Candidate| other.probability > first.probability * (-NAME_NATS).exp();
     !others.iter().any(|other| is_alike(other) && odds(other))
 }
 

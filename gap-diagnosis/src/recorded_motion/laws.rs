@@ -8,7 +8,7 @@ use robot::Effect;
 
 use super::motion::JointMotion;
 use crate::evidence::told::{self, Called};
-use crate::evidence::{AMPLITUDE_NATS, Fit, NAME_NATS, Presupposed};
+use crate::evidence::{AMPLITUDE_NATS, ERRORS, Fit, NAME_NATS, Presupposed};
 use crate::report::Parameter;
 use crate::twin::joint::JointModel;
 
@@ -22,8 +22,6 @@ pub const GAIN: [f64; 2] = [0.5, 2.0];
 const EXPECTED_NATS: f64 = 2.0;
 /// Cost of a freedom, in nats.
 const FREEDOM_NATS: f64 = 0.5;
-/// Standard errors by which a value may pass a limit that no joint passes.
-const ERRORS: f64 = 2.0;
 /// Part of gravity that must lie across a joint's axis somewhere for gravity to turn it.
 const ACROSS: f64 = 0.02;
 

@@ -22,7 +22,7 @@ use robot::{Effect, Robot};
 use crate::diagnose::{
     DiagnoseError, Diagnosis, JointTraces, Progress, blank_report, insufficient,
 };
-use crate::evidence::arm::{self, Cause};
+use crate::evidence::arm::{self, Cause, ROUNDS};
 use crate::evidence::imitation;
 use crate::evidence::shares::Interval;
 use crate::evidence::told::{self, Found, Said};
@@ -42,8 +42,9 @@ use rows::JointRows;
 use signals::TorqueSource;
 use usable::Usable;
 
-/// Rounds in which joints tell each other of a shared cause: a payload's mass, centre and inertia settle to a hundredth in three.
-const ROUNDS: usize = 4;
+/// Part of what they explain by which no laws of the motion are exact: torque transducers and current sensors of class 0.5 are linear to
+/// half a per cent.
+const LINEAR: f64 = 0.005;
 /// Part of the torque by which a command may differ from it without a word.
 const COMMAND_TOLD: f64 = 0.05;
 
@@ -295,7 +296,7 @@ impl Joint {
             spans: &self.spans(),
             items: &self.items(),
             tolerated: &self.rows.tolerated,
-            inexact: 0.0,
+            inexact: LINEAR,
             shared: shared.map(|prior| (prior.columns.as_slice(), &prior.message)),
         })
     }
@@ -564,7 +565,7 @@ fn beside(
         .collect();
     let mut with: Vec<Searched> = Vec::new();
     let mut own: Vec<Option<Message>> = Vec::new();
-    for round in 0..ROUNDS {
+    for round in 0..=ROUNDS {
         let said = joints.iter().zip(&priors).zip(0..);
         own = said
             .on_all_cores(|((joint, prior), place): (_, usize)| {

@@ -1,5 +1,8 @@
 //! Sines and cosines of many angles, each times one factor after the other.
 
+/// Periods of a wave within what was recorded, at least: with fewer it is a bend that anything may have.
+pub(crate) const PERIODS_MIN: f64 = 4.0;
+
 /// Sine and cosine of each angle times a factor that grows by the same amount from step to step: turned on by that amount instead of
 /// asked for anew. Rounding adds up: below 1e-11 after a thousand steps.
 pub(crate) struct Waves {

@@ -1,0 +1,75 @@
+//! Which sets of names are tried, and which of them can be.
+
+use super::{Evidence, Fit, NAME_NATS, Names, Scored};
+
+/// Names of one joint at most.
+const NAMES_MAX: usize = 4;
+/// Sets of one size that are made larger, the best first: all pairs of a dozen laws.
+const GROWN: usize = 80;
+/// Sets that fall behind the best by more nats than this have no weight: e⁻¹².
+const BEHIND: f64 = 12.0;
+
+impl Evidence {
+    /// Sets of at most so many names, no name twice: none, singles and pairs, and what the best of each size make with one more.
+    pub(super) fn sets(&self) -> Vec<Scored> {
+        let mut all = vec![self.scored(0)];
+        let mut of_size: Vec<Names> = vec![0];
+        for size in 1..=NAMES_MAX {
+            let mut larger: Vec<Names> = Vec::new();
+            for &names in &of_size {
+                let held = |kind: usize| {
+                    (0..self.kinds.len()).any(|k| names & 1 << k != 0 && self.kinds[k] == kind)
+                };
+                let more = (0..self.kinds.len()).filter(|index| !held(self.kinds[*index]));
+                larger.extend(more.map(|index| names | 1 << index));
+            }
+            larger.sort_unstable();
+            larger.dedup();
+            let mut scored: Vec<Scored> =
+                larger.into_iter().map(|names| self.scored(names)).collect();
+            scored.sort_by(|a, b| b.score.total_cmp(&a.score));
+            let kept = if size == 1 { scored.len() } else { GROWN };
+            of_size = scored.iter().take(kept).map(|set| set.names).collect();
+            all.extend(scored);
+        }
+        all
+    }
+
+    /// All sets that `is_possible` that are not far behind the best: first what is told, then the best first. There is always one: no name.
+    /// It is what is told unless the odds against it are those that a name costs.
+    pub fn best(&self, is_possible: impl Fn(&Fit) -> bool) -> Vec<Scored> {
+        self.possible(self.ranked(), is_possible)
+    }
+
+    /// All sets, the best first, whether possible or not.
+    pub fn ranked(&self) -> Vec<Scored> {
+        let mut all = self.sets();
+        all.sort_by(|a, b| b.score.total_cmp(&a.score));
+        all
+    }
+
+    /// [`best`](Self::best) of all that are [`ranked`](Self::ranked).
+    pub fn possible(&self, all: Vec<Scored>, is_possible: impl Fn(&Fit) -> bool) -> Vec<Scored> {
+        let mut kept: Vec<Scored> = Vec::new();
+        for scored in all {
+            if let Some(best) = kept.first()
+                && scored.score < best.score - BEHIND
+            {
+                break;
+            }
+            if scored.names == 0 || is_possible(&self.fit(scored.names)) {
+                kept.push(scored);
+            }
+        }
+        let best = kept[0].score;
+        let weight = |set: &Scored| (set.score - best).exp();
+        let all: f64 = kept.iter().map(weight).sum();
+        let is_probable = |set: &Scored| weight(set) / all > (-NAME_NATS).exp();
+        let none = kept.iter().position(|set| set.names == 0);
+        if let Some(place) = none.filter(|place| is_probable(&kept[*place])) {
+            let none = kept.remove(place);
+            kept.insert(0, none);
+        }
+        kept
+    }
+}
