@@ -45,7 +45,7 @@ impl DisturbanceObserver {
         Ok(Self {
             parameters,
             gear_ratio: joint.gear_ratio,
-            reflected_inertia_kg_m2: joint.rotor_inertia_kg_m2 * joint.gear_ratio.powi(2),
+            reflected_inertia_kg_m2: joint.reflected_inertia_kg_m2(),
             period_s,
             velocity: VelocityFilter::new(2, CUTOFF_HZ, rate_hz)?,
             velocity_rad_s: 0.0,

@@ -41,7 +41,7 @@ impl Residual {
         Ok(Self {
             friction: joint.steady_friction(),
             gear_ratio: joint.gear_ratio,
-            reflected_inertia_kg_m2: joint.rotor_inertia_kg_m2 * joint.gear_ratio.powi(2),
+            reflected_inertia_kg_m2: joint.reflected_inertia_kg_m2(),
             velocity: VelocityFilter::new(2, VELOCITY_CUTOFF_HZ, rate_hz)?,
             acceleration: Butterworth::design(2, ACCELERATION_CUTOFF_HZ, rate_hz)?,
             velocity_rad_s: 0.0,

@@ -6,10 +6,19 @@ use joint_model::friction::{
 use joint_model::torque_table::{self, TorqueTables};
 
 use crate::{
-    DirectionalFriction, FrictionTable, LoadTorqueTable, RobotJoint, TableOver, TorqueTable,
+    DirectionalFriction, Effect, FrictionTable, LoadTorqueTable, RobotJoint, TableOver, TorqueTable,
 };
 
 impl RobotJoint {
+    /// Inertia of the rotor about the joint's axis, the file's own and what its effects add to it, in kg m²: `N²·J`.
+    pub fn reflected_inertia_kg_m2(&self) -> f64 {
+        let added = self.effects.iter().map(|effect| match effect {
+            Effect::RotorInertia { inertia_kg_m2 } => *inertia_kg_m2,
+            _ => 0.0,
+        });
+        (self.rotor_inertia_kg_m2 + added.sum::<f64>()) * self.gear_ratio.powi(2)
+    }
+
     /// All friction the file knows, as torque over velocity, load and motor angle. Effects and tables add up.
     pub fn steady_friction(&self) -> SteadyFriction {
         let mut friction = self.table_friction();

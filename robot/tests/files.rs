@@ -473,6 +473,18 @@ fn a_friction_table_is_friction_over_the_motor_angle() {
 }
 
 #[test]
+fn a_rotor_is_its_own_number_and_what_effects_add() {
+    let mut joint = robot::load("shd17").unwrap().joints.remove(0);
+    joint.effects.clear();
+    let own_kg_m2 = joint.reflected_inertia_kg_m2();
+    assert_eq!(own_kg_m2, joint.rotor_inertia_kg_m2 * 1e4);
+    joint.effects.push(Effect::RotorInertia {
+        inertia_kg_m2: 3e-5,
+    });
+    assert!((joint.reflected_inertia_kg_m2() - own_kg_m2 - 0.3).abs() < 1e-12);
+}
+
+#[test]
 fn a_friction_table_survives_writing() {
     let joint = with_friction_table("3.0, -1.0", "0.5, 1e-3")
         .unwrap()

@@ -135,7 +135,7 @@ impl Actuator for Compensation {
 }
 
 impl Load for Compensation {
-    /// Feedforward takes the rotor from the joint's own `rotor_inertia_kg_m2`.
+    /// Feedforward takes the rotor from [`RobotJoint::reflected_inertia_kg_m2`].
     fn add_rotor_inertia(&mut self, _inertia_kg_m2: f64) {}
 
     fn add_gravity(&mut self, sin_nm: f64, cos_nm: f64) {

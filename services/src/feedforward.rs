@@ -289,9 +289,7 @@ impl Feedforward {
             return 0.0;
         }
         let drive = &self.robot.joints[joint];
-        let rotor_nm = drive.rotor_inertia_kg_m2
-            * drive.gear_ratio.powi(2)
-            * self.reference.acceleration_rad_s2[joint];
+        let rotor_nm = drive.reflected_inertia_kg_m2() * self.reference.acceleration_rad_s2[joint];
         let mut shaft_nm = self.rigid_nm[joint] + rotor_nm;
         if self.model == ModelPart::Model {
             let load_nm = self.load_nm(joint, sample);

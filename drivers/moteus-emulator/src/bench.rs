@@ -473,7 +473,7 @@ fn configured(
     let current_a = joint
         .torque_limit_nm
         .map(|limit_nm| limit_nm / constant_nm_a);
-    let reflected_kg_m2 = joint.rotor_inertia_kg_m2 * joint.gear_ratio * joint.gear_ratio;
+    let reflected_kg_m2 = joint.reflected_inertia_kg_m2();
     let (stiffness_nm_rad, damping_nm_s_rad) = gains.unwrap_or((
         reflected_kg_m2 * STIFFNESS_RAD_S * STIFFNESS_RAD_S,
         2.0 * reflected_kg_m2 * STIFFNESS_RAD_S,

@@ -176,7 +176,7 @@ impl Fusion {
         let variance =
             |step_rad: f64, noise_rad: f64| step_rad * step_rad / 12.0 + noise_rad * noise_rad;
         let noise_rad = joint.position_noise_rad;
-        let rotor_kg_m2 = joint.rotor_inertia_kg_m2 * joint.gear_ratio.powi(2);
+        let rotor_kg_m2 = joint.reflected_inertia_kg_m2();
         let constants = Constants {
             law: TorsionLaw::new(parameters),
             kinematic_error: KinematicError::new(&parameters.kinematic_error),

@@ -120,8 +120,7 @@ pub fn tracking(robot: &Robot, joint: usize, rate_hz: f64) -> Feedback {
         .chain
         .inverse_dynamics(&rest, &rest, &unit, &mut torque_nm);
     robot.chain.gravity_torque(&rest, &mut gravity_nm);
-    let inertia_kg_m2 =
-        torque_nm[joint] - gravity_nm[joint] + drive.rotor_inertia_kg_m2 * drive.gear_ratio.powi(2);
+    let inertia_kg_m2 = torque_nm[joint] - gravity_nm[joint] + drive.reflected_inertia_kg_m2();
     let bandwidth_rad_s = tracking_rad_s(rate_hz);
     Feedback {
         proportional_nm_rad: inertia_kg_m2 * bandwidth_rad_s.powi(2),
