@@ -385,3 +385,72 @@ fn without_a_gap_nothing_is_named() {
     let joint = &report.joints[0];
     assert_eq!(joint.verdict, Verdict::NoGap, "{:?}", joint.effects);
 }
+
+/// The log with a second's rest wherever the joint turns, in which the torque goes from one side of what holds the joint to the other.
+fn stopping(log: &Log) -> Log {
+    const REST: usize = RATE_HZ as usize;
+    let mut all = Log {
+        time_s: Vec::new(),
+        reference_rad: Vec::new(),
+        position_rad: Vec::new(),
+        velocity_rad_s: Vec::new(),
+        torque_nm: Vec::new(),
+        friction_nm: Vec::new(),
+    };
+    let mut add = |k: usize, rest: Option<f64>| {
+        let rad = log.position_rad[k];
+        let weight_nm = 2.0 * 9.81 * 0.25 * rad.sin();
+        all.time_s.push(all.time_s.len() as f64 / RATE_HZ);
+        all.reference_rad.push(log.reference_rad[k]);
+        all.position_rad.push(rad);
+        let moving = rest.is_none().then_some(log.velocity_rad_s[k]);
+        all.velocity_rad_s.push(moving.unwrap_or(0.0));
+        let torque_nm = rest.map(|part| weight_nm + 2.8 * part);
+        all.torque_nm.push(torque_nm.unwrap_or(log.torque_nm[k]));
+        all.friction_nm.push(log.friction_nm[k]);
+    };
+    for k in 0..log.time_s.len() {
+        add(k, None);
+        let next = log.velocity_rad_s.get(k + 1).copied().unwrap_or(0.0);
+        if log.velocity_rad_s[k] * next < 0.0 {
+            let side = log.velocity_rad_s[k].signum();
+            for row in 0..REST {
+                add(k, Some(side * (1.0 - 2.0 * row as f64 / REST as f64)));
+            }
+        }
+    }
+    all
+}
+
+#[test]
+fn a_joint_at_rest_says_nothing_of_its_friction() {
+    let log = stopping(&plain());
+    assert!(log.time_s.len() > 2 * plain().time_s.len());
+    let report = told(&robot(""), recording(log.time_s.clone(), as_recorded(log)));
+    let joint = &report.joints[0];
+    assert_eq!(joint.effects.len(), 2, "{:?}", joint.effects);
+    let coulomb_nm = value(joint, "coulomb_friction", "coulomb_nm");
+    let viscous = value(joint, "viscous_friction", "viscous_nm_s_rad");
+    assert!((2.8..3.2).contains(&coulomb_nm), "{coulomb_nm}");
+    assert!((1.8..2.2).contains(&viscous), "{viscous}");
+    assert!(joint.remaining_share < 0.02, "{}", joint.remaining_share);
+}
+
+#[test]
+fn a_gap_that_depends_on_nothing_is_no_agreement() {
+    let log = plain();
+    let time_s = log.time_s.clone();
+    let file = "effects = [\n  { effect = \"coulomb_friction\", coulomb_nm = 3.0 },\n  { effect = \"viscous_friction\", \
+                viscous_nm_s_rad = 2.0 },\n]\n";
+    let mut signals = as_recorded(log);
+    let (mut seed, mut more_nm) = (11, 0.0);
+    for (row, nm) in signals[3].1.iter_mut().enumerate() {
+        if row % 40 == 0 {
+            more_nm = 3.0 * noise(&mut seed);
+        }
+        *nm += more_nm / RATIO;
+    }
+    let report = told(&robot(file), recording(time_s, signals));
+    let joint = &report.joints[0];
+    assert_eq!(joint.verdict, Verdict::Unexplained, "{:?}", joint.effects);
+}

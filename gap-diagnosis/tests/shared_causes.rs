@@ -31,13 +31,19 @@ fn robot() -> Robot {
     file.build(Source::File(PathBuf::from("arm.toml"))).unwrap()
 }
 
-/// Along sines, the torque that the robot with these effects needs, friction of 2 Nm at every joint, and noise.
+/// What is said of the robot when it has these effects.
 fn told(effects: Vec<Effect>) -> Report {
-    let robot = robot();
     let real = Robot {
         shared_effects: effects,
-        ..robot.clone()
+        ..robot()
     };
+    told_of(&real, [1.0; 3])
+}
+
+/// What is said along sines: the torque that the real robot needs, friction of 2 Nm at every joint, and noise, each joint's torque times a
+/// factor.
+fn told_of(real: &Robot, factors: [f64; 3]) -> Report {
+    let robot = robot();
     let chain = real.loaded_chain().unwrap();
     let waves = [[0.7, 0.9], [0.5, 1.3], [0.8, 1.1]];
     let rows = (20.0 * RATE_HZ) as usize;
@@ -60,7 +66,8 @@ fn told(effects: Vec<Effect>) -> Report {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
             let noise = (seed >> 33) as f64 / f64::from(1_u32 << 30) - 1.0;
             column[0].push(motion[0][joint]);
-            column[1].push(torque_nm[joint] + 2.0 * motion[1][joint].signum() + 0.2 * noise);
+            let torque_nm = torque_nm[joint] + 2.0 * motion[1][joint].signum() + 0.2 * noise;
+            column[1].push(factors[joint] * torque_nm);
         }
     }
     let joints = JOINTS
@@ -143,4 +150,31 @@ fn friction_alone_is_no_cause_that_joints_share() {
     let report = told(Vec::new());
     assert!(report.shared_effects.is_empty());
     has_friction(&report);
+}
+
+#[test]
+fn inertia_of_a_link_is_felt_as_the_link_turns_in_space() {
+    let mut real = robot();
+    let inertia_kg_m2 = 0.3;
+    real.joints[2]
+        .effects
+        .push(Effect::LinkInertia { inertia_kg_m2 });
+    let report = told_of(&real, [1.0; 3]);
+    let elbow = &report.joints[2];
+    let named = elbow.effects.iter().find(|e| e.effect == "link_inertia");
+    let found = named.unwrap().parameters["inertia_kg_m2"].value;
+    assert!((found / inertia_kg_m2 - 1.0).abs() < 0.1, "{found}");
+    assert!(report.shared_effects.is_empty());
+}
+
+#[test]
+fn a_torque_in_another_unit_says_nothing_of_what_the_arm_carries() {
+    let report = told_of(&robot(), [1.0, 1.0, 0.2]);
+    assert!(report.shared_effects.is_empty());
+    let warned = report.data.iter().any(|finding| {
+        finding.joint.as_deref() == Some("elbow") && finding.what.contains("times what the file")
+    });
+    assert!(warned, "{:?}", report.data);
+    let shoulder = &report.joints[1];
+    assert_eq!(shoulder.effects[0].effect, "coulomb_friction");
 }

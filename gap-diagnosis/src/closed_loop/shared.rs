@@ -206,11 +206,7 @@ fn worth<'a>(
     let Some((said, covariance)) = arm::all(cause, &own).said() else {
         return Ok(None);
     };
-    let is_body = cause != Cause::Payload || {
-        let last = robot.chain.links().last();
-        let error_kg = covariance[(0, 0)].max(0.0).sqrt();
-        last.is_some_and(|last| said[0] + 2.0 * error_kg > -last.mass_kg)
-    };
+    let can_be = cause.can_be(robot, &said, &covariance);
     let shared = Shared {
         cause,
         effect: cause.effect(said.as_slice()),
@@ -221,7 +217,7 @@ fn worth<'a>(
             .to_vec(),
         nats,
     };
-    Ok((nats > 0.0 && is_body).then_some((shared, with)))
+    Ok((nats > 0.0 && can_be).then_some((shared, with)))
 }
 
 impl Shared {

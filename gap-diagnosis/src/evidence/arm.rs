@@ -4,8 +4,9 @@
 //! which make the joint fits one fit of all joints (Bishop, Pattern Recognition and Machine Learning, 2006, section 8.4.4).
 
 use nalgebra::{DMatrix, DVector};
+use robot::Robot;
 
-use super::{AMPLITUDE_NATS, Message, NAME_NATS};
+use super::{AMPLITUDE_NATS, ERRORS, Message, NAME_NATS};
 
 /// Rounds in which joints tell each other of a cause: a payload's inertia is quadratic in its moments, which settle to a hundredth in three.
 pub const ROUNDS: usize = 3;
@@ -46,6 +47,26 @@ impl Cause {
             precision: DMatrix::identity(count, count) / self.deviation().powi(2),
             pull: DVector::zeros(count),
         }
+    }
+
+    /// Whether an arm can have it: no more can be missing at its end than the last link weighs, as far as its error tells, and what hangs
+    /// there is no further away than the arm is long.
+    pub fn can_be(self, robot: &Robot, said: &DVector<f64>, covariance: &DMatrix<f64>) -> bool {
+        let links = robot.chain.links();
+        let (Self::Payload, Some(last)) = (self, links.last()) else {
+            return true;
+        };
+        let to_last_m: f64 = links
+            .iter()
+            .map(|link| link.origin.translation.vector.norm())
+            .sum();
+        // a link's centre is half way to its end
+        let length_m = to_last_m
+            + 2.0 * last.centre_of_mass_m.norm()
+            + robot.chain.tool().translation.vector.norm();
+        let error_kg = ERRORS * covariance[(0, 0)].max(0.0).sqrt();
+        let moment_kg_m = said.rows(1, 3).norm();
+        said[0] + error_kg > -last.mass_kg && moment_kg_m <= length_m * said[0].abs()
     }
 
     /// What it costs the whole arm, in nats: a name, and each further amplitude.

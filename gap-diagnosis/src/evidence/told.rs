@@ -174,7 +174,12 @@ impl Found<'_> {
         let at_floor = self
             .is_at_floor
             .unwrap_or(left + noise <= ERRORS.powi(2) * noise);
-        let is_quiet = self.is_at_floor.unwrap_or(remaining_over.is_empty());
+        let torque_nm = &self.rows.measured_nm;
+        let torque = torque_nm.iter().map(|x| x * x).sum::<f64>() / rows;
+        // what depends on nothing that is looked at is no agreement if it is a part of the torque that matters
+        let is_quiet = self
+            .is_at_floor
+            .unwrap_or(remaining_over.is_empty() && left <= self.materiality * torque);
         let candidates = self.candidates(&weights, &shares, is_quiet);
         let taken: f64 = effects.iter().map(|effect| effect.share).sum::<f64>()
             + shared.map_or(0.0, |shared| shared.value);
@@ -183,8 +188,7 @@ impl Found<'_> {
         let confusable = self.confusable(&best);
         let is_sure = is_sure(&candidates, &confusable);
         let verdict = if !has_names {
-            let is_empty =
-                best.names == 0 && remaining_over.is_empty() && self.is_at_floor.is_none();
+            let is_empty = best.names == 0 && is_quiet && self.is_at_floor.is_none();
             if is_empty || at_floor {
                 Verdict::NoGap
             } else {

@@ -5,15 +5,15 @@ use joint_model::friction::Sliding;
 use joint_model::harmonic;
 use joint_model::rigid_body::{Chain, Link};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use robot::{Robot, Tolerance};
+use robot::{Effect, Robot, Tolerance, changed_chain};
 
 use super::motion::{JointMotion, Piece};
 use super::signals::TorqueSource;
 use crate::twin::joint::JointModel;
 use crate::twin::known::{self, KnownValue};
 
-/// Of the largest change that a tolerance makes, the least that counts: a smaller one is not seen beside it.
-const PART_MIN: f64 = 0.05;
+/// Of the largest change that a tolerance makes, or of another law, the least that counts: a smaller one is not seen beside it.
+pub const PART_MIN: f64 = 0.05;
 /// How the torque of every joint changes with something of the whole arm.
 #[derive(Clone, Debug)]
 pub struct ArmColumn {
@@ -28,6 +28,8 @@ pub struct Torques {
     pub rigid_nm: Vec<Vec<f64>>,
     /// Inertia about the joint's axis in the rows' middle.
     pub inertia_kg_m2: Vec<f64>,
+    /// What a kg m² more of each joint's link about its axis needs of that joint; none where no body has it.
+    pub link_inertia_nm: Vec<Option<Vec<f64>>>,
     /// Changes by one standard deviation of the links' values.
     pub links: Vec<ArmColumn>,
     /// By a payload's mass in the last link's origin, and its first moment along three axes.
@@ -54,8 +56,16 @@ impl Torques {
             .iter()
             .map(|changed| change(changed, 1.0))
             .collect();
+        let of_link = |joint: usize| {
+            let more = Effect::LinkInertia { inertia_kg_m2: 1.0 };
+            let of_joint = [(Some(joint), &more)];
+            let heavier =
+                changed_chain(chain.links(), chain.gravity_m_s2(), chain.tool(), of_joint);
+            change(&heavier.ok()?, 1.0).change_nm.into_iter().nth(joint)
+        };
         Self {
             inertia_kg_m2: rows.inertia_kg_m2(chain),
+            link_inertia_nm: (0..chain.joint_count()).map(of_link).collect(),
             links,
             payload: payload(chain, &rows, &rigid_nm),
             tip: tip(chain)

@@ -46,6 +46,8 @@ pub enum Law {
     TorqueConstant,
     /// `q̈`.
     Inertia,
+    /// What the link's inertia about the joint's axis needs: of its acceleration in space, the other joints' included.
+    LinkInertia,
     /// `sin q` and `cos q`.
     Gravity,
     /// `q`, from its mean on.
@@ -62,6 +64,8 @@ pub struct Along<'a> {
     pub load_nm: &'a [f64],
     /// How far friction is bent: -1 to 1, and the sign of the velocity once the joint slips.
     pub slip: &'a [f64],
+    /// What a kg m² of the link about the joint's axis needs.
+    pub link_inertia_nm: &'a [f64],
     /// Mean position.
     pub mean_rad: f64,
 }
@@ -77,6 +81,7 @@ impl Law {
             Self::Quadratic,
             Self::Asymmetric,
             Self::Inertia,
+            Self::LinkInertia,
             Self::Spring,
         ];
         all.extend(STRIBECK_PARTS.map(|part| Self::Stribeck(part * speed_rad_s)));
@@ -100,7 +105,7 @@ impl Law {
             Self::LoadDependent => 5,
             Self::Offset => 6,
             Self::TorqueConstant => 7,
-            Self::Inertia => 8,
+            Self::Inertia | Self::LinkInertia => 8,
             Self::Gravity => 9,
             Self::Spring => 10,
         }
@@ -115,6 +120,7 @@ impl Law {
             | Self::Gravity
             | Self::Spring
             | Self::Inertia
+            | Self::LinkInertia
             | Self::Asymmetric => 1.0,
             Self::Quadratic | Self::LoadDependent | Self::Stribeck(_) => 2.0,
         }
@@ -185,6 +191,7 @@ impl Law {
             Self::Offset => one(&|_| 1.0),
             Self::TorqueConstant => one(&|k| along.nominal_nm[k]),
             Self::Inertia => one(&|k| along.motion.acceleration_rad_s2[k]),
+            Self::LinkInertia => one(&|k| along.link_inertia_nm[k]),
             Self::Gravity => vec![
                 rows.clone().map(|k| q(k).sin()).collect(),
                 rows.clone().map(|k| q(k).cos()).collect(),
@@ -218,6 +225,7 @@ impl Law {
             // the column is what the file needs, and the gain's inverse multiplies that
             Self::TorqueConstant => [1.0 / GAIN[1] - 1.0, 1.0 / GAIN[0] - 1.0],
             Self::Inertia => [-(inertia_kg_m2 + model.rotor_inertia_kg_m2), f64::INFINITY],
+            Self::LinkInertia => [-inertia_kg_m2, f64::INFINITY],
             _ => [f64::NEG_INFINITY, f64::INFINITY],
         }
     }
@@ -260,6 +268,9 @@ impl Law {
                     }
                 }
             }
+            Self::LinkInertia => Effect::LinkInertia {
+                inertia_kg_m2: value,
+            },
             Self::Gravity => Effect::GravityTorque {
                 sin_nm: value,
                 cos_nm: amplitudes.get(1).copied().unwrap_or(0.0),
@@ -296,6 +307,7 @@ impl Law {
                 };
                 vec![("inertia_kg_m2", 0, per)]
             }
+            Self::LinkInertia => vec![("inertia_kg_m2", 0, 1.0)],
             Self::Gravity => vec![("sin_nm", 0, 1.0), ("cos_nm", 1, 1.0)],
             Self::Spring => vec![("stiffness_nm_rad", 0, 1.0)],
         }

@@ -283,6 +283,14 @@ impl Joint {
         .collect()
     }
 
+    /// Columns of a cause that the arm shares.
+    fn of_arm(&self, cause: Cause) -> &[Vec<f64>] {
+        match cause {
+            Cause::Payload => &self.rows.payload,
+            Cause::Tilt => &self.rows.tilt,
+        }
+    }
+
     fn spans(&self) -> [Span; 1] {
         [Span {
             rows: 0..self.rows.seen.count(),
@@ -347,9 +355,9 @@ impl Joint {
         )
     }
 
-    /// A torque that is a part or a multiple of what the joint needs, beyond what a torque constant can be off, if that explains more than
-    /// any names that can be.
-    fn note_of_scale(&self, name: &str, searched: &Searched) -> Option<DataFinding> {
+    /// What part of what the joint needs its torque is, and by how many nats that explains more than any names that can be; none unless it
+    /// does, and the part is beyond what a torque constant can be off.
+    fn scale(&self, searched: &Searched) -> Option<(f64, f64)> {
         let Searched {
             evidence, first, ..
         } = searched;
@@ -362,9 +370,12 @@ impl Joint {
         let (_, scaled) =
             values.find(|(item, _)| self.rows.laws[*item].0 == Law::TorqueConstant)?;
         let part = 1.0 + scaled.first()?;
-        if (laws::GAIN[0]..laws::GAIN[1]).contains(&part.recip()) {
-            return None;
-        }
+        let is_gain = (laws::GAIN[0]..laws::GAIN[1]).contains(&part.recip());
+        (!is_gain).then_some((part, ahead_nats))
+    }
+
+    fn note_of_scale(&self, name: &str, searched: &Searched) -> Option<DataFinding> {
+        let (part, ahead_nats) = self.scale(searched)?;
         let signal = self.source.signal_name();
         Some(DataFinding {
             joint: Some(name.to_owned()),
@@ -522,7 +533,7 @@ fn searched(
     });
     let best = causes.max_by(|a, b| a.2.total_cmp(&b.2));
     let (with, shared) = match best {
-        Some((with, shared, _)) => (with.into_iter().map(Some).collect(), Some(shared)),
+        Some((with, shared, _)) => (with, Some(shared)),
         None => (joints.iter().map(|_| None).collect::<Vec<_>>(), None),
     };
     let both = alone
@@ -538,23 +549,23 @@ fn beside(
     joints: &[Joint],
     alone: &[Searched],
     cause: Cause,
-) -> Option<(Vec<Searched>, Shared, f64)> {
-    let sees = |joint: &&Joint| {
-        let columns = match cause {
-            Cause::Payload => &joint.rows.payload,
-            Cause::Tilt => &joint.rows.tilt,
-        };
-        columns.len() == cause.amplitudes()
-            && columns
-                .iter()
-                .any(|column| column.iter().any(|x| x.abs() > f64::EPSILON))
-    };
-    if joints.iter().filter(sees).count() < 2 {
+) -> Option<(Vec<Option<Searched>>, Shared, f64)> {
+    // a torque in another unit tells nothing of what the arm carries
+    let sees: Vec<bool> = joints
+        .iter()
+        .zip(alone)
+        .map(|(joint, alone)| {
+            let columns = joint.of_arm(cause);
+            let shows = columns.iter().flatten().any(|x| x.abs() > f64::EPSILON);
+            columns.len() == cause.amplitudes() && shows && joint.scale(alone).is_none()
+        })
+        .collect();
+    if sees.iter().filter(|sees| **sees).count() < 2 {
         return None;
     }
     let columns = |joint: &Joint, centre_m: [f64; 3]| match cause {
         Cause::Payload => joint.rows.payload_at(centre_m),
-        Cause::Tilt => joint.rows.tilt.clone(),
+        Cause::Tilt => joint.of_arm(cause).to_vec(),
     };
     let mut priors: Vec<Prior> = joints
         .iter()
@@ -563,18 +574,21 @@ fn beside(
             message: cause.prior(),
         })
         .collect();
-    let mut with: Vec<Searched> = Vec::new();
+    let mut with: Vec<Option<Searched>> = Vec::new();
     let mut own: Vec<Option<Message>> = Vec::new();
     for round in 0..=ROUNDS {
         let said = joints.iter().zip(&priors).zip(0..);
         own = said
             .on_all_cores(|((joint, prior), place): (_, usize)| {
+                if !sees[place] {
+                    return None;
+                }
                 // names that were found without the cause may stand for it
                 if round == 0 {
                     let evidence = joint.evidence(Some(prior), Evidence::of);
                     return evidence.message(evidence.usual());
                 }
-                let searched = &with[place];
+                let searched = with[place].as_ref()?;
                 searched.evidence.message(searched.sets[0].names)
             })
             .collect();
@@ -595,23 +609,24 @@ fn beside(
         with = joints
             .iter()
             .zip(&priors)
-            .on_all_cores(|(joint, prior)| joint.searched(Some(prior)))
+            .zip(&sees)
+            .on_all_cores(|((joint, prior), sees)| sees.then(|| joint.searched(Some(prior))))
             .collect();
     }
     let nats: f64 = alone
         .iter()
         .zip(&with)
-        .map(|(alone, with)| worth(alone, with))
+        .filter_map(|(alone, with)| Some(worth(alone, with.as_ref()?)))
         .sum::<f64>()
         - cause.cost();
     let (said, covariance) = arm::all(cause, &own).said()?;
+    if !cause.can_be(robot, &said, &covariance) {
+        return None;
+    }
     let effect = match cause {
         Cause::Payload => {
             let mass_kg = said[0];
             let centre_m = [1, 2, 3].map(|k| said[k] / mass_kg);
-            if !is_body(robot, mass_kg + 2.0 * covariance[(0, 0)].max(0.0).sqrt()) {
-                return None;
-            }
             Effect::Payload { mass_kg, centre_m }
         }
         Cause::Tilt => Effect::BaseTilt {
@@ -619,7 +634,7 @@ fn beside(
             pitch_rad: said[1],
         },
     };
-    let seen = joints.iter().filter(sees);
+    let seen = joints.iter().zip(&sees).filter(|(_, sees)| **sees);
     let shared = Shared {
         effect,
         std: covariance
@@ -628,17 +643,11 @@ fn beside(
             .map(|x| x.max(0.0).sqrt())
             .collect(),
         joints: seen
-            .map(|joint| robot.joints[joint.index].name.clone())
+            .map(|(joint, _)| robot.joints[joint.index].name.clone())
             .collect(),
         probability: 1.0 / (1.0 + (-nats / told::TEMPERATURE).exp()),
     };
     Some((with, shared, nats))
-}
-
-/// No more can be missing at the tip than the last link weighs.
-fn is_body(robot: &Robot, mass_kg: f64) -> bool {
-    let last = robot.chain.links().last();
-    last.is_some_and(|last| mass_kg > -last.mass_kg)
 }
 
 /// Nats by which a joint is better told beside a shared cause, with the rows that both count as independent.

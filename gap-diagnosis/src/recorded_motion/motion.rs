@@ -7,6 +7,7 @@ use recording::{JointColumns, MissingSignal, Recording, Signal};
 use robot::Robot;
 
 use super::signals::{TorqueSource, controller};
+use crate::evidence::DEVIATIONS;
 use crate::on_all_cores::OnAllCores;
 use crate::signal::band::{Band, COMPARED_HZ};
 use crate::signal::smooth::{derivative, second_derivative};
@@ -48,6 +49,8 @@ pub struct JointMotion {
     pub recorded_hz: f64,
     /// Whether the row was measured.
     pub is_whole: Vec<bool>,
+    /// Whether the joint moves, as far as its encoder can tell.
+    pub is_moving: Vec<bool>,
 }
 
 /// An uninterrupted piece of a recording.
@@ -166,6 +169,7 @@ fn joint(
             velocity_rad_s: rest.clone(),
             acceleration_rad_s2: rest,
             is_whole: vec![false; rows],
+            is_moving: vec![false; rows],
             ..JointMotion::default()
         });
     };
@@ -214,9 +218,11 @@ fn joint(
         let smooth = values.map(|values| motion.limit(&values)).transpose()?;
         Ok(smooth.map(|smooth| thinned(&smooth, every)))
     };
+    let step_rad = step(&raw_rad);
+    let moving = is_moving(&raw_rad, step_rad, rate_hz);
     Ok(JointMotion {
         noise_nm: torque_nm.as_deref().map_or(0.0, noise),
-        step_rad: step(&raw_rad).map(|step_rad| step_rad / scale.abs()),
+        step_rad: step_rad.map(|step_rad| step_rad / scale.abs()),
         recorded_hz: rate_hz,
         velocity_rad_s: thinned(&derivative(&smooth_rad, 1.0 / rate_hz), every),
         acceleration_rad_s2: thinned(&second_derivative(&smooth_rad, 1.0 / rate_hz), every),
@@ -225,7 +231,30 @@ fn joint(
         rate_feed_nm: limited(rate_feed_nm)?,
         command_nm: limited(command_nm)?,
         is_whole: is_whole.into_iter().step_by(every).collect(),
+        is_moving: moving.into_iter().step_by(every).collect(),
     })
+}
+
+/// Row by row, whether a joint goes further than its encoder's step, or where that is not seen its noise, during a period of the
+/// fastest motion that is compared.
+fn is_moving(position_rad: &[f64], step_rad: Option<f64>, rate_hz: f64) -> Vec<bool> {
+    // one step to and fro is no motion; nor is noise within its deviations to both sides
+    let still_rad = match step_rad {
+        Some(step_rad) => 1.5 * step_rad,
+        None => 2.0 * DEVIATIONS * noise(position_rad),
+    };
+    let around = (0.5 * rate_hz / COMPARED_HZ).ceil() as usize;
+    let range_rad = |row: usize| {
+        let near = row.saturating_sub(around)..(row + around + 1).min(position_rad.len());
+        let ends = (f64::INFINITY, f64::NEG_INFINITY);
+        let (least, most) = position_rad[near]
+            .iter()
+            .fold(ends, |(least, most), rad| (least.min(*rad), most.max(*rad)));
+        most - least
+    };
+    (0..position_rad.len())
+        .map(|row| range_rad(row) > still_rad)
+        .collect()
 }
 
 /// The step by which values change, where nearly all changes are whole numbers of the smallest.

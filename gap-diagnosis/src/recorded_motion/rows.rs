@@ -4,7 +4,7 @@ use joint_model::filter::FilterError;
 use nalgebra::{SMatrix, SVector};
 use robot::Robot;
 
-use super::dynamics::{ArmColumn, Drive, Torques, that_count, tip_weights};
+use super::dynamics::{ArmColumn, Drive, PART_MIN, Torques, that_count, tip_weights};
 use super::laws::{Along, Law};
 use super::motion::{JointMotion, Piece};
 use super::presliding::{self, Presliding};
@@ -95,8 +95,9 @@ impl JointRows {
         let counted = |piece: &Piece| {
             let of_joint = &piece.joints[joint];
             let rows = piece.counted();
-            let whole = rows.filter(|row| of_joint.is_whole[*row]);
-            whole.collect::<Vec<usize>>()
+            // a joint at rest holds any torque up to its breakaway: what it holds then tells nothing
+            let tell = rows.filter(|row| of_joint.is_whole[*row] && of_joint.is_moving[*row]);
+            tell.collect::<Vec<usize>>()
         };
         let mut counted: Vec<Vec<usize>> = pieces.iter().map(counted).collect();
         for (rows, piece) in counted.iter_mut().zip(pieces) {
@@ -167,7 +168,30 @@ impl JointRows {
             rows.laws
                 .retain(|(law, _)| !matches!(law, Law::LoadDependent | Law::TorqueConstant));
         }
+        rows.drop_link_inertia_of_the_first();
         Ok(Some(rows))
+    }
+
+    /// Where nothing else turns it a link moves as its joint does, and its inertia is the joint's.
+    fn drop_link_inertia_of_the_first(&mut self) {
+        let column = |law: Law| {
+            let mut laws = self.laws.iter();
+            laws.find(|(of, _)| *of == law)
+                .and_then(|(_, columns)| columns.first())
+        };
+        let (Some(joint), Some(link)) = (column(Law::Inertia), column(Law::LinkInertia)) else {
+            return;
+        };
+        let apart = joint
+            .iter()
+            .zip(link)
+            .map(|(a, b)| (a - b).powi(2))
+            .sum::<f64>();
+        let [joint, link] = [joint, link].map(|of| of.iter().map(|x| x * x).sum::<f64>());
+        let least = PART_MIN.powi(2) * joint;
+        if apart < least || link < least {
+            self.laws.retain(|(law, _)| *law != Law::LinkInertia);
+        }
     }
 
     /// Columns of a payload that is about at a place. Its inertia is quadratic in the first moment and inverse in the mass; as both grow
@@ -245,6 +269,9 @@ impl JointRows {
             slip: &slip,
             nominal_nm: &nominal_nm,
             load_nm: rigid_nm,
+            link_inertia_nm: torques.link_inertia_nm[joint]
+                .as_deref()
+                .unwrap_or(&motion.acceleration_rad_s2),
             mean_rad: self.mean_rad,
         };
         for (law, columns) in &mut self.laws {
