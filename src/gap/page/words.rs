@@ -24,12 +24,20 @@ pub fn sentence(report: &Report) -> String {
             _ => format!("No gap was found, but {mute} of {} joints lack the data for a statement.", report.joints.len()),
         };
     }
-    let shared: Vec<String> = report.shared_effects.iter().map(shared_sentence).collect();
     let own = match flagged.as_slice() {
         [only] => joint_sentence(only),
         _ => arm_sentence(report, &flagged),
     };
-    let all: Vec<String> = shared.into_iter().chain([own]).collect();
+    let largest = largest_first(report).into_iter().next();
+    let most = largest.and_then(|joint| joint.effects.first());
+    let most = most.map_or(0.0, |found| found.share);
+    // what holds most of the gaps comes first
+    let (larger, smaller): (Vec<_>, Vec<_>) = report
+        .shared_effects
+        .iter()
+        .partition(|shared| shared.effect.share >= most);
+    let [larger, smaller] = [larger, smaller].map(|all| all.into_iter().map(shared_sentence));
+    let all: Vec<String> = larger.chain([own]).chain(smaller).collect();
     format!("{}.", all.join("; "))
 }
 
@@ -38,7 +46,11 @@ fn shared_sentence(shared: &SharedEffect) -> String {
         few if few.len() <= 3 => few.join(", "),
         many => format!("{} joints", many.len()),
     };
-    format!("{} acts on {on}", with_value(&shared.effect))
+    format!(
+        "{} acts on {on}, {} % of their gaps on average",
+        with_value(&shared.effect),
+        percent(shared.effect.share)
+    )
 }
 
 /// Which joint and effect hold most, and what all that is named is worth; the rest is in the table.
