@@ -1,10 +1,7 @@
-//! What an effect says of itself so that it can be fitted, and the steps that several effects share.
+//! What is said of an effect so that it can be fitted, and the steps that several effects share.
 //!
 //! An amplitude of 1 is a step small enough for the response to be straight and large enough to be seen over rounding;
 //! a zero amplitude is no effect at all.
-
-use std::any::Any;
-use std::fmt::Debug;
 
 use robot::Effect;
 
@@ -15,16 +12,17 @@ use crate::twin::scale::Scale;
 const PLAUSIBLE_STEPS: f64 = 200.0;
 /// Friction steps: a part of the joint's own.
 const FRICTION_STEP: f64 = 0.02;
-/// Softening steps: a part of the compliance.
-pub const COMPLIANCE_STEP: f64 = 0.05;
-/// Twist of a gear under its friction, for steps of lost motion and kinematic error.
-pub const TWIST_STEP: f64 = 0.1;
-/// Steps of inertia: a part of the joint's own.
-pub const INERTIA_STEP: f64 = 0.02;
+/// Steps of lost motion and kinematic error: a part of the gear's twist under its friction.
+const TWIST_STEP: f64 = 0.1;
 
 /// One step of friction at this joint.
 pub fn friction_step_nm(scale: &Scale) -> f64 {
     FRICTION_STEP * scale.friction_nm
+}
+
+/// One step of an angle at this joint's gear.
+pub fn twist_step_rad(scale: &Scale) -> f64 {
+    TWIST_STEP * scale.twist_rad()
 }
 
 /// Whose turn an effect repeats with.
@@ -37,85 +35,84 @@ pub enum Turn {
 }
 
 /// One form of one effect: amplitudes that enter linearly, and at most one shape that does not.
-///
-/// What is left to its default is so for most effects.
-pub trait Form: Any + Debug + Sync {
+#[derive(Clone, Copy, Debug)]
+pub struct Form {
     /// The effect at these amplitudes and this shape, as a robot file would write it. Where there is no shape it is zero.
-    fn effect(&self, amplitude: &[f64], shape: f64, scale: &Scale) -> Effect;
-
+    pub effect: fn(&[f64], f64, &Scale) -> Effect,
+    /// How many amplitudes there are.
+    pub amplitudes: usize,
+    /// Whether the other amplitudes mean nothing without the first.
+    pub needs_first: bool,
+    /// Whether amplitudes below zero have no meaning.
+    pub is_positive: bool,
+    /// The smallest amplitude that has a meaning, where that is not zero.
+    pub lowest: fn(&Scale) -> f64,
+    /// Standard deviation of what it may be, in its steps, before anything is seen.
+    pub plausible_steps: f64,
     /// Whether it may be there and would show.
-    fn may_show(&self, _shown: Shown, _scale: &Scale) -> bool {
-        true
-    }
-
+    pub may_show: fn(Shown, &Scale) -> bool,
     /// Of two that explain the same, the one that comes first is named first: the usual cause before the seldom one.
-    fn comes(&self) -> u8 {
-        0
-    }
-
-    /// Shapes at which it is tried; none where it has no shape.
-    fn shapes(&self, _scale: &Scale) -> Vec<f64> {
-        Vec::new()
-    }
-
+    pub comes: u8,
     /// Amplitudes at which its response is found, each of them tried: one step, but for what answers a large one otherwise than
     /// many small ones.
-    fn reaches(&self) -> &'static [f64] {
-        &[1.0]
-    }
-
+    pub reaches: &'static [f64],
+    /// Shapes at which it is tried; none where it has no shape.
+    pub shapes: fn(&Scale) -> Vec<f64>,
     /// Between which the shape is sought. What repeats keeps its number of cycles but for what the recording cannot tell.
-    fn shape_range(&self, _scale: &Scale) -> [f64; 2] {
-        [0.0, f64::INFINITY]
-    }
+    pub shape_range: fn(&Scale) -> [f64; 2],
+    /// Whether the effect is there or not, with its shape as its only parameter.
+    pub is_switch: bool,
+    /// Whose turn it repeats with, the shape being the number of cycles a turn.
+    pub repeats_with: Option<Turn>,
+    /// Whether what repeats does so at several numbers of cycles.
+    pub has_harmonics: bool,
+}
 
-    /// How many amplitudes there are: a sine's and a cosine's of what repeats.
-    fn amplitudes(&self) -> usize {
-        if self.repeats_with().is_some() { 2 } else { 1 }
-    }
-
-    /// Whether the other amplitudes mean nothing without the first.
-    fn needs_first(&self) -> bool {
-        false
-    }
-
-    /// Whether amplitudes below zero have no meaning.
-    fn is_positive(&self) -> bool {
-        false
-    }
-
-    /// The smallest amplitude that has a meaning.
-    fn lowest(&self, _scale: &Scale) -> f64 {
-        if self.is_positive() {
-            0.0
-        } else {
-            f64::NEG_INFINITY
+impl Form {
+    /// One amplitude of either sign and no shape, as most effects have it.
+    pub const fn of(effect: fn(&[f64], f64, &Scale) -> Effect) -> Self {
+        Self {
+            effect,
+            amplitudes: 1,
+            needs_first: false,
+            is_positive: false,
+            lowest: |_| f64::NEG_INFINITY,
+            plausible_steps: PLAUSIBLE_STEPS,
+            may_show: |_, _| true,
+            comes: 0,
+            reaches: &[1.0],
+            shapes: |_| Vec::new(),
+            shape_range: |_| [0.0, f64::INFINITY],
+            is_switch: false,
+            repeats_with: None,
+            has_harmonics: false,
         }
     }
 
-    /// Standard deviation of what it may be, in its steps, before anything is seen.
-    fn plausible_steps(&self) -> f64 {
-        PLAUSIBLE_STEPS
-    }
-
-    /// Whether the effect is there or not, with its shape as its only parameter.
-    fn is_switch(&self) -> bool {
-        false
-    }
-
-    /// Whose turn it repeats with, the shape being the number of cycles a turn.
-    fn repeats_with(&self) -> Option<Turn> {
-        None
-    }
-
-    /// Whether what repeats does so at several numbers of cycles.
-    fn has_harmonics(&self) -> bool {
-        false
+    /// What repeats with the motor's turn: amplitudes of a sine and a cosine, and a number of cycles.
+    pub const fn wave(effect: fn(&[f64], f64, &Scale) -> Effect) -> Self {
+        Self {
+            amplitudes: 2,
+            repeats_with: Some(Turn::Motor),
+            ..Self::of(effect)
+        }
     }
 }
 
-impl PartialEq for dyn Form {
-    fn eq(&self, other: &Self) -> bool {
-        self.type_id() == other.type_id()
+/// A sine and a cosine as one wave.
+pub struct Wave {
+    /// In the unit of the two.
+    pub size: f64,
+    /// As robot files have it.
+    pub phase_rad: f64,
+}
+
+impl Wave {
+    /// Of a sine's and a cosine's amplitude.
+    pub fn of(amplitude: &[f64]) -> Self {
+        Self {
+            size: amplitude[0].hypot(amplitude[1]),
+            phase_rad: amplitude[1].atan2(amplitude[0]),
+        }
     }
 }

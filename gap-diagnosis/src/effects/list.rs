@@ -2,55 +2,58 @@
 
 use robot::{EffectKind, Part};
 
-use super::form::{Form, Turn};
+use super::form::Form;
 use super::*;
 use crate::twin::scale::Scale;
 
 /// How each effect is fitted.
-fn forms(kind: EffectKind) -> &'static [&'static dyn Form] {
+fn forms(kind: EffectKind) -> &'static [Form] {
     match kind {
-        EffectKind::CoulombFriction => &[&coulomb_friction::CoulombFriction],
-        EffectKind::ViscousFriction => &[&viscous_friction::ViscousFriction],
-        EffectKind::QuadraticFriction => &[&quadratic_friction::QuadraticFriction],
-        EffectKind::StribeckFriction => &[&stribeck_friction::StribeckFriction],
-        EffectKind::AsymmetricFriction => &[&asymmetric_friction::AsymmetricFriction],
-        EffectKind::LoadDependentFriction => &[&load_dependent_friction::LoadDependentFriction],
-        EffectKind::PositionDependentFriction => {
-            &[&position_dependent_friction::PositionDependentFriction]
+        EffectKind::CoulombFriction => &[friction::COULOMB],
+        EffectKind::ViscousFriction => &[friction::VISCOUS],
+        EffectKind::QuadraticFriction => &[friction::QUADRATIC],
+        EffectKind::StribeckFriction => &[friction::STRIBECK],
+        EffectKind::AsymmetricFriction => &[friction::ASYMMETRIC],
+        EffectKind::LoadDependentFriction => &[friction::LOAD_DEPENDENT],
+        EffectKind::PositionDependentFriction => &[friction::POSITION_DEPENDENT],
+        EffectKind::KinematicError => &[gear::KINEMATIC_ERROR],
+        EffectKind::TorsionalCompliance => &[gear::COMPLIANCE],
+        EffectKind::SoftWindup => &[gear::SOFT_WINDUP],
+        EffectKind::TorsionalHysteresis => &[gear::HYSTERESIS],
+        EffectKind::StructuralDamping => &[gear::STRUCTURAL_DAMPING],
+        EffectKind::Backlash => &[gear::BACKLASH],
+        EffectKind::ThermalFrictionDrift => {
+            &[friction::CONSTANT_DRIFT, friction::FIRST_ORDER_DRIFT]
         }
-        EffectKind::KinematicError => &[&kinematic_error::KinematicError],
-        EffectKind::TorsionalCompliance => &[&torsional_compliance::TorsionalCompliance],
-        EffectKind::SoftWindup => &[&soft_windup::SoftWindup],
-        EffectKind::TorsionalHysteresis => &[&torsional_hysteresis::TorsionalHysteresis],
-        EffectKind::StructuralDamping => &[&structural_damping::StructuralDamping],
-        EffectKind::Backlash => &[&backlash::Backlash],
-        EffectKind::ThermalFrictionDrift => &[
-            &thermal_friction_drift::ConstantDrift,
-            &thermal_friction_drift::FirstOrderDrift,
-        ],
-        EffectKind::TorqueConstantError => &[&torque_constant_error::TorqueConstantError],
-        EffectKind::TorqueOffset => &[&torque_offset::TorqueOffset],
-        EffectKind::TorqueRipple => &[&torque_ripple::TorqueRipple],
-        EffectKind::TorqueSaturation => &[&torque_saturation::TorqueSaturation],
-        EffectKind::CurrentLoopLag => &[&current_loop_lag::CurrentLoopLag],
-        EffectKind::Payload => &[&payload::Payload, &payload::PayloadAt],
-        EffectKind::LinkInertia => &[&link_inertia::LinkInertia],
-        EffectKind::RotorInertia => &[&rotor_inertia::RotorInertia],
-        EffectKind::GravityTorque => &[&gravity_torque::GravityTorque],
-        EffectKind::JointSpring => &[&joint_spring::JointSpring],
-        EffectKind::BaseTilt => &[&base_tilt::BaseTilt],
-        EffectKind::EncoderOffset => &[&encoder_offset::EncoderOffset],
-        EffectKind::EncoderEccentricity => &[
-            &encoder_eccentricity::MotorEccentricity,
-            &encoder_eccentricity::LinkEccentricity,
-        ],
-        EffectKind::CommandDelay => &[&command_delay::CommandDelay],
-        EffectKind::SensorDelay => &[&sensor_delay::SensorDelay],
+        EffectKind::TorqueConstantError => &[drive::TORQUE_CONSTANT_ERROR],
+        EffectKind::TorqueOffset => &[drive::TORQUE_OFFSET],
+        EffectKind::TorqueRipple => &[drive::TORQUE_RIPPLE],
+        EffectKind::TorqueSaturation => &[drive::TORQUE_SATURATION],
+        EffectKind::CurrentLoopLag => &[drive::CURRENT_LOOP_LAG],
+        EffectKind::Payload => &[load::PAYLOAD, load::PAYLOAD_AT],
+        EffectKind::LinkInertia => &[load::LINK_INERTIA],
+        EffectKind::RotorInertia => &[load::ROTOR_INERTIA],
+        EffectKind::GravityTorque => &[load::GRAVITY_TORQUE],
+        EffectKind::JointSpring => &[load::JOINT_SPRING],
+        EffectKind::BaseTilt => &[load::BASE_TILT],
+        EffectKind::EncoderOffset => &[sensors::ENCODER_OFFSET],
+        EffectKind::EncoderEccentricity => {
+            &[sensors::MOTOR_ECCENTRICITY, sensors::LINK_ECCENTRICITY]
+        }
+        EffectKind::CommandDelay => &[drive::COMMAND_DELAY],
+        EffectKind::SensorDelay => &[drive::SENSOR_DELAY],
         // never: the samples show these by themselves, see `checks`
         EffectKind::EncoderQuantisation
         | EffectKind::VelocityFilterLag
         | EffectKind::DroppedCommands
         | EffectKind::DroppedSamples => &[],
+    }
+}
+
+impl Hypothesis {
+    /// How its effect is fitted.
+    pub(super) fn form(&self) -> &'static Form {
+        &forms(self.kind)[self.place]
     }
 }
 
@@ -67,13 +70,12 @@ fn place(part: Part) -> usize {
     }
 }
 
-fn all() -> impl Iterator<Item = (EffectKind, &'static dyn Form)> {
+/// Every form of every effect, without a shape.
+fn all() -> impl Iterator<Item = Hypothesis> {
     let kinds = EffectKind::ALL.iter().copied();
-    kinds.flat_map(|kind| forms(kind).iter().map(move |form| (kind, *form)))
-}
-
-fn repeats_with_motor(form: &dyn Form) -> bool {
-    form.repeats_with() == Some(Turn::Motor)
+    let places = |kind: EffectKind| (0..forms(kind).len()).map(move |place| (kind, place));
+    let each = kinds.flat_map(places);
+    each.map(|(kind, place)| Hypothesis::new(kind, place, &[]))
 }
 
 /// What of a robot is there and recorded.
@@ -91,28 +93,22 @@ pub struct Shown {
 
 /// What may be fitted to a joint, periodic effects aside: those come from [`periodic`] once their cycles are known.
 pub fn plain(scale: &Scale, shown: Shown) -> Vec<Hypothesis> {
-    let may_show = |(_, form): &(EffectKind, &dyn Form)| {
-        !repeats_with_motor(*form) && form.may_show(shown, scale)
-    };
+    let may_show = |of: &Hypothesis| !of.repeats_with_motor() && (of.form().may_show)(shown, scale);
     let mut fitted: Vec<_> = all().filter(may_show).collect();
-    fitted.sort_by_key(|(kind, form)| (form.comes(), place(kind.part())));
-    let each = fitted.into_iter();
-    each.flat_map(|(kind, form)| tried(kind, form, scale))
-        .collect()
+    fitted.sort_by_key(|of| (of.form().comes, place(of.kind.part())));
+    fitted.iter().flat_map(|of| tried(of, scale)).collect()
 }
 
 /// A form at each shape and each reach at which it is tried.
-fn tried(kind: EffectKind, form: &'static dyn Form, scale: &Scale) -> Vec<Hypothesis> {
-    let shapes = form.shapes(scale);
-    let shapes = shapes
-        .iter()
-        .map(|shape| Hypothesis::new(kind, form, &[*shape]));
-    let mut shaped: Vec<Hypothesis> = shapes.collect();
+fn tried(of: &Hypothesis, scale: &Scale) -> Vec<Hypothesis> {
+    let form = of.form();
+    let shapes = (form.shapes)(scale);
+    let mut shaped: Vec<Hypothesis> = shapes.iter().map(|shape| of.shaped(&[*shape])).collect();
     if shaped.is_empty() {
-        shaped.push(Hypothesis::new(kind, form, &[]));
+        shaped.push(of.clone());
     }
     let reaching = |of: Hypothesis| {
-        let reaches = form.reaches().iter();
+        let reaches = form.reaches.iter();
         reaches.map(move |reach| of.clone().reaching(*reach))
     };
     shaped.into_iter().flat_map(reaching).collect()
@@ -120,23 +116,22 @@ fn tried(kind: EffectKind, form: &'static dyn Form, scale: &Scale) -> Vec<Hypoth
 
 /// A lag of the current loop, and a delay of the command, as they were read off the samples.
 pub fn lag(time_constant_s: f64) -> (Hypothesis, f64) {
-    let form = &current_loop_lag::CurrentLoopLag;
-    let hypothesis = Hypothesis::new(EffectKind::CurrentLoopLag, form, &[]);
-    (hypothesis, time_constant_s / current_loop_lag::STEP_S)
+    let hypothesis = Hypothesis::new(EffectKind::CurrentLoopLag, 0, &[]);
+    (hypothesis, drive::lag_steps(time_constant_s))
 }
 
 /// See [`lag`].
 pub fn delay(delay_s: f64, scale: &Scale) -> (Hypothesis, f64) {
-    let form = &command_delay::CommandDelay;
-    let hypothesis = Hypothesis::new(EffectKind::CommandDelay, form, &[]);
+    let hypothesis = Hypothesis::new(EffectKind::CommandDelay, 0, &[]);
     (hypothesis, delay_s / scale.period_s)
 }
 
 /// The effects that repeat with the motor's turn, at so many cycles a turn.
 pub fn periodic(cycles_per_motor_rev: f64) -> Vec<Hypothesis> {
-    let of_motor = all().filter(|(_, form)| repeats_with_motor(*form));
-    let at = |(kind, form)| Hypothesis::new(kind, form, &[cycles_per_motor_rev]);
-    of_motor.map(at).collect()
+    let of_motor = all().filter(Hypothesis::repeats_with_motor);
+    of_motor
+        .map(|of| of.shaped(&[cycles_per_motor_rev]))
+        .collect()
 }
 
 #[cfg(test)]
@@ -154,15 +149,6 @@ mod tests {
         {
             let ones = vec![1.0; hypothesis.amplitudes()];
             assert_eq!(hypothesis.effect(&ones, &scale()).kind(), hypothesis.kind);
-        }
-    }
-
-    #[test]
-    fn the_forms_are_told_apart_by_their_type() {
-        for (row, (_, one)) in all().enumerate() {
-            for (column, (_, other)) in all().enumerate() {
-                assert_eq!(one == other, row == column, "{one:?} and {other:?}");
-            }
         }
     }
 }

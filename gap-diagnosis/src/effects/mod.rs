@@ -1,46 +1,22 @@
 //! Every effect of the robot files as something that can be fitted: amplitudes that enter linearly, and a shape that does not.
 //!
-//! One effect, one file; it says of itself what the trait `Form` asks. What an effect is, where it acts and what it does says
-//! [`robot::effect`]; `list.rs` does not compile until each has its forms there, or it is said that the samples show it.
+//! Each form of an effect is one value, in the file of the joint's part that it changes. What an effect is, where it
+//! acts and what it does says [`robot::effect`]; `list.rs` does not compile until each has its forms there, or it is said that the
+//! samples show it.
 
-mod asymmetric_friction;
-mod backlash;
-mod base_tilt;
-mod command_delay;
-mod coulomb_friction;
-mod current_loop_lag;
-mod encoder_eccentricity;
-mod encoder_offset;
+mod drive;
 mod form;
-mod gravity_torque;
-mod joint_spring;
-mod kinematic_error;
-mod link_inertia;
+mod friction;
+mod gear;
 mod list;
-mod load_dependent_friction;
+mod load;
 pub mod numbers;
-mod payload;
-mod position_dependent_friction;
-mod quadratic_friction;
-mod rotor_inertia;
-mod sensor_delay;
-mod soft_windup;
-mod stribeck_friction;
-mod structural_damping;
-mod thermal_friction_drift;
-mod torque_constant_error;
-mod torque_offset;
-mod torque_ripple;
-mod torque_saturation;
-mod torsional_compliance;
-mod torsional_hysteresis;
-mod viscous_friction;
-mod wave;
+mod sensors;
 
 use arrayvec::ArrayVec;
 use robot::{Effect, EffectKind, Scope, Stage};
 
-use self::form::{Form, Turn};
+use self::form::Turn;
 pub use self::list::{Shown, delay, lag, periodic, plain};
 use crate::twin::scale::Scale;
 
@@ -49,7 +25,8 @@ use crate::twin::scale::Scale;
 pub struct Hypothesis {
     /// Which effect.
     pub kind: EffectKind,
-    form: &'static dyn Form,
+    /// Which of its forms.
+    place: usize,
     /// Parameters that do not enter linearly, each above zero.
     pub shape: ArrayVec<f64, 2>,
     /// Amplitude at which the response is found: one step, but for what answers a large one otherwise than many small ones.
@@ -60,10 +37,10 @@ pub struct Hypothesis {
 pub type Amplitudes = ArrayVec<f64, 4>;
 
 impl Hypothesis {
-    fn new(kind: EffectKind, form: &'static dyn Form, shape: &[f64]) -> Self {
+    fn new(kind: EffectKind, place: usize, shape: &[f64]) -> Self {
         Self {
             kind,
-            form,
+            place,
             shape: shape.iter().copied().collect(),
             reach: 1.0,
         }
@@ -85,32 +62,36 @@ impl Hypothesis {
     /// The same effect at another shape.
     #[must_use]
     pub fn shaped(&self, shape: &[f64]) -> Self {
-        Self::new(self.kind, self.form, shape)
+        Self::new(self.kind, self.place, shape)
     }
 
     /// How many amplitudes there are.
     pub fn amplitudes(&self) -> usize {
-        self.form.amplitudes()
+        self.form().amplitudes
     }
 
     /// Whether amplitudes below zero have no meaning.
     pub fn is_positive(&self) -> bool {
-        self.form.is_positive()
+        self.form().is_positive
     }
 
     /// The smallest amplitude that has a meaning.
     pub fn lowest(&self, scale: &Scale) -> f64 {
-        self.form.lowest(scale)
+        if self.is_positive() {
+            0.0
+        } else {
+            (self.form().lowest)(scale)
+        }
     }
 
     /// Standard deviation of what its amplitudes may be before anything is seen.
     pub fn plausible_steps(&self) -> f64 {
-        self.form.plausible_steps()
+        self.form().plausible_steps
     }
 
     /// Whether the effect is there or not, with its shape as its only parameter.
     pub fn is_switch(&self) -> bool {
-        self.form.is_switch()
+        self.form().is_switch
     }
 
     /// Whether it is a cause of the whole arm, of which every joint carries its part.
@@ -136,24 +117,25 @@ impl Hypothesis {
 
     /// Whether the effect repeats with an angle.
     pub fn is_periodic(&self) -> bool {
-        self.form.repeats_with().is_some()
+        self.form().repeats_with.is_some()
     }
 
     /// Whether the angle is the motor's.
     pub fn repeats_with_motor(&self) -> bool {
-        self.form.repeats_with() == Some(Turn::Motor)
+        self.form().repeats_with == Some(Turn::Motor)
     }
 
     /// Whether both are one effect that repeats with an angle, at different numbers of cycles: of those only a kinematic error has
     /// more than one.
     pub fn repeats(&self, other: &Self) -> bool {
-        self.is_periodic() && self.form == other.form && !self.form.has_harmonics()
+        let is_same = self.kind == other.kind && self.place == other.place;
+        self.is_periodic() && is_same && !self.form().has_harmonics
     }
 
     /// Numbers of cycles a turn at which it may repeat beside its own.
     pub fn harmonics(&self) -> Vec<f64> {
         match self.shape.first() {
-            Some(cycles) if self.form.has_harmonics() => vec![2.0 * cycles, 3.0 * cycles],
+            Some(cycles) if self.form().has_harmonics => vec![2.0 * cycles, 3.0 * cycles],
             _ => Vec::new(),
         }
     }
@@ -166,14 +148,14 @@ impl Hypothesis {
                 let slack = 1.0 / (cycles * scale.motor_turns);
                 [cycles * (1.0 - slack).max(0.5), cycles * (1.0 + slack)]
             }
-            _ => self.form.shape_range(scale),
+            _ => (self.form().shape_range)(scale),
         }
     }
 
     /// The effect at these amplitudes, as a robot file would write it.
     pub fn effect(&self, amplitude: &[f64], scale: &Scale) -> Effect {
         let shape = self.shape.first().copied().unwrap_or(0.0);
-        self.form.effect(amplitude, shape, scale)
+        (self.form().effect)(amplitude, shape, scale)
     }
 
     /// The amplitudes by which column `index` is found: the response to the second less that to the first, where there
@@ -186,7 +168,7 @@ impl Hypothesis {
             }
             amplitudes
         };
-        if index > 0 && self.form.needs_first() {
+        if index > 0 && self.form().needs_first {
             (at(&[(0, 1.0), (index, 1.0)]), Some(at(&[(0, 1.0)])))
         } else {
             (at(&[(index, self.reach)]), None)

@@ -1,0 +1,106 @@
+//! The gear: how it leads and lags, and how it twists.
+
+use robot::Effect;
+
+use super::form::{Form, Wave, friction_step_nm, twist_step_rad};
+use crate::twin::scale::Scale;
+
+/// Softening steps: a part of the compliance.
+const COMPLIANCE_STEP: f64 = 0.05;
+
+/// The gear leads and lags as the motor turns; each harmonic is fitted on its own.
+pub const KINEMATIC_ERROR: Form = Form {
+    has_harmonics: true,
+    ..Form::wave(|amplitude, cycles, scale| {
+        let Wave { size, phase_rad } = Wave::of(amplitude);
+        Effect::KinematicError {
+            amplitude_rad: size * twist_step_rad(scale),
+            cycles_per_motor_rev: cycles,
+            phase_rad,
+            amplitude_rad_2: 0.0,
+            cycles_per_motor_rev_2: 0.0,
+            phase_rad_2: 0.0,
+            amplitude_rad_3: 0.0,
+            cycles_per_motor_rev_3: 0.0,
+            phase_rad_3: 0.0,
+        }
+    })
+};
+
+/// The gear is softer than its file says, by a compliance; a robot file writes the stiffness it comes to.
+pub const COMPLIANCE: Form = Form::of(|amplitude, _, scale| Effect::TorsionalCompliance {
+    stiffness_nm_rad: softened_nm_rad(amplitude[0], scale),
+});
+
+/// The gear twists more easily below a torque. The compliance added there enters linearly, the knee at which it ends does not.
+pub const SOFT_WINDUP: Form = Form {
+    shapes: knees_nm,
+    // beyond the torque that the gear carries its knee is not reached
+    shape_range: |scale| {
+        let most_nm = scale.torque_nm().max(5.0 * scale.friction_nm);
+        [0.05 * scale.friction_nm, most_nm]
+    },
+    is_positive: true,
+    ..Form::of(|amplitude, knee_nm, scale| {
+        let compliance = 1.0 + 4.0 * COMPLIANCE_STEP * amplitude[0];
+        Effect::SoftWindup {
+            low_stiffness_nm_rad: scale.stiffness_nm_rad / compliance,
+            knee_nm,
+        }
+    })
+};
+
+/// The gear's twist lags behind its torque whatever the speed. The width enters linearly, the twist at which it yields does not.
+pub const HYSTERESIS: Form = Form {
+    shapes: |scale| [0.1, 0.5].map(|part| part * scale.twist_rad()).to_vec(),
+    shape_range: |scale| [0.01 * scale.twist_rad(), 3.0 * scale.twist_rad()],
+    is_positive: true,
+    ..Form::of(|amplitude, yield_rad, scale| Effect::TorsionalHysteresis {
+        width_nm: amplitude[0] * friction_step_nm(scale),
+        yield_rad,
+    })
+};
+
+/// The gear resists being twisted by a power of how fast. The coefficient enters linearly, the exponent does not.
+pub const STRUCTURAL_DAMPING: Form = Form {
+    shapes: |_| vec![0.5, 1.0],
+    shape_range: |_| [0.2, 1.5],
+    is_positive: true,
+    ..Form::of(|amplitude, exponent, scale| Effect::StructuralDamping {
+        damping_nm_s_rad: amplitude[0] * friction_step_nm(scale) / (0.01 * scale.speed_rad_s),
+        exponent,
+    })
+};
+
+/// A gap that the gear crosses without torque. Within a wide one the link swings freely.
+pub const BACKLASH: Form = Form {
+    comes: 2,
+    reaches: &[1.0, 10.0, 100.0],
+    is_positive: true,
+    ..Form::of(|amplitude, _, scale| Effect::Backlash {
+        gap_rad: amplitude[0] * twist_step_rad(scale),
+    })
+};
+
+/// Change of stiffness by so many steps of compliance; the stiffness itself where the file tells none.
+fn softened_nm_rad(steps: f64, scale: &Scale) -> f64 {
+    if scale.stiffness_is_known {
+        let compliance = (1.0 + COMPLIANCE_STEP * steps).max(0.05);
+        scale.stiffness_nm_rad * (1.0 / compliance - 1.0)
+    } else {
+        let compliance_rad_nm = 1.0 / scale.stiffness_nm_rad
+            + steps.max(0.0) * twist_step_rad(scale) / scale.friction_nm;
+        1.0 / compliance_rad_nm
+    }
+}
+
+/// About the torque of friction, and up to half of what the gear carries where that is more.
+fn knees_nm(scale: &Scale) -> Vec<f64> {
+    let of_friction = [0.3, 1.0, 3.0].map(|part| part * scale.friction_nm);
+    let half_nm = 0.5 * scale.torque_nm();
+    let is_more = half_nm > 1.5 * of_friction[2];
+    of_friction
+        .into_iter()
+        .chain(is_more.then_some(half_nm))
+        .collect()
+}
