@@ -9,7 +9,6 @@ use crate::evidence;
 use crate::recorded_motion;
 use crate::report::DataFinding;
 use crate::twin::control;
-use crate::twin::stretch::measured;
 
 /// What the recording is held against.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,7 +52,7 @@ impl Engine {
                     let torques = [Signal::MotorTorqueNm, Signal::CommandTorqueNm];
                     torques
                         .iter()
-                        .any(|signal| measured(columns, *signal).is_some())
+                        .any(|signal| columns.measured(*signal).is_some())
                 })
             })
         };

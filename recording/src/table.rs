@@ -31,6 +31,16 @@ pub struct JointColumns {
     pub signals: BTreeMap<Signal, Vec<f64>>,
 }
 
+impl JointColumns {
+    /// A signal with at least one value.
+    #[must_use]
+    pub fn measured(&self, signal: Signal) -> Option<&[f64]> {
+        let values = self.signals.get(&signal)?;
+        let is_there = values.iter().any(|value| value.is_finite());
+        is_there.then_some(values)
+    }
+}
+
 /// A signal that a computation needs is not in the recording.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MissingSignal {

@@ -4,10 +4,8 @@ use std::fmt::Write;
 use std::path::Path;
 
 use comfy_table::{CellAlignment, Table, presets};
-use gap_diagnosis::checks::repeats::{
-    FALSE_ALARMS, Group, JointDeviation, JointScatter, Repeat, repeats,
-};
 use recording::Recording;
+use recording::repeats::{FALSE_ALARMS, Group, JointDeviation, JointScatter, Repeat, repeats};
 use report::number;
 use serde::Serialize;
 

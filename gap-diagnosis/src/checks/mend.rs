@@ -6,6 +6,7 @@
 
 use std::ops::Range;
 
+use recording::grid::{in_runs, runs};
 use recording::{JointColumns, Recording, Signal};
 use robot::{Effect, EncoderSide, Robot};
 
@@ -13,7 +14,6 @@ use crate::checks::follow::weights_of_commands;
 use crate::checks::found::Found;
 use crate::checks::lost::acted_on;
 use crate::checks::timing::Timing;
-use crate::signal::runs;
 
 /// Signals that a lost sample repeats.
 const MEASURED: [Signal; 4] = [
@@ -50,7 +50,7 @@ pub(crate) fn recordings(
     }
     let mended = tables.iter().map(|table| {
         let mut mended = (*table).clone();
-        let runs = runs::rows(table);
+        let runs = runs(table);
         let period_s = 1.0 / table.sample_rate_hz;
         for joint in &mut mended.joints {
             if lost.contains(&joint.name.as_str()) {
@@ -71,7 +71,7 @@ pub(crate) fn recordings(
 
 /// Puts what the drive acted on in the place of commands that it left out.
 fn put_acted_on(joint: &mut JointColumns, runs: &[Range<usize>], period_s: f64, timing: &Timing) {
-    let pieces = runs::pieces(joint, runs);
+    let pieces = in_runs(joint, runs);
     let acted_on = acted_on(&pieces, period_s, timing.told_rows());
     let command_nm = joint.signals.get_mut(&Signal::CommandTorqueNm);
     let (Some(acted_on), Some(command_nm)) = (acted_on, command_nm) else {
@@ -118,7 +118,7 @@ pub(crate) fn blank_repeats(joint: &mut JointColumns) {
 /// Puts the drive's answer to its commands where the torque was not measured anew, with what the torque has beyond that
 /// before and after.
 fn torque_from_commands(joint: &mut JointColumns, runs: &[Range<usize>], period_s: f64) {
-    let pieces = runs::pieces(joint, runs);
+    let pieces = in_runs(joint, runs);
     let weights = weights_of_commands(&pieces, period_s);
     let command_nm = joint.signals.get(&Signal::CommandTorqueNm).cloned();
     let torque_nm = joint.signals.get_mut(&Signal::MotorTorqueNm);

@@ -7,7 +7,6 @@ mod follow;
 pub mod found;
 mod lost;
 pub mod mend;
-pub mod repeats;
 mod rigid;
 pub mod samples;
 pub(crate) mod timing;

@@ -468,7 +468,7 @@ mod tests {
             (Signal::MotorTorqueNm, torque),
         ]);
         let runs = [0..5000, 5000..10_000, 10_000..15_000, 15_000..20_000];
-        let runs = crate::signal::runs::pieces(&joint, &runs);
+        let runs = recording::grid::in_runs(&joint, &runs);
         let responses = Response::all(&runs, 1e-3);
         assert_eq!(slow_drive(&responses, Some(0)), []);
         assert_eq!(left_out(&runs, &responses, 1), None);

@@ -4,13 +4,13 @@
 //! recorders write down the torque that acts from a row on instead: that is their order of work, and no effect. Where the
 //! robot file tells no controller, nobody told a delay either.
 
+use recording::grid::{in_runs, runs};
 use recording::{JointColumns, Recording, Signal};
 use robot::{Control, ControlKind, Robot, RobotJoint};
 
 use crate::checks::follow::{answered_after, told_delay};
 use crate::on_all_cores::OnAllCores;
 use crate::report::DataFinding;
-use crate::signal::runs;
 use crate::twin::control::is_slower_than_loop;
 
 /// A torque that answers its command after a whole number of rows, nearly, was read in a loop that runs with the recording: a
@@ -75,7 +75,7 @@ pub(crate) fn columns(recordings: &[&Recording], joint: &RobotJoint) -> Vec<Join
     recordings
         .iter()
         .filter_map(|recording| Some((*recording, recording.joint(&joint.name).ok()?)))
-        .flat_map(|(recording, columns)| runs::of_joint(recording, columns))
+        .flat_map(|(recording, columns)| in_runs(columns, &runs(recording)))
         .collect()
 }
 

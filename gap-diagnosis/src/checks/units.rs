@@ -7,7 +7,7 @@ use recording::{Finding, FindingKind, JointColumns, Recording, Severity, Signal}
 use robot::{Robot, RobotJoint};
 
 use crate::checks::rigid::{MadeOf, Moving, OWN, gain, thinned};
-use crate::twin::stretch::{Stretch, measured, rigid_stretches};
+use crate::twin::stretch::{Stretch, rigid_stretches};
 
 const DEGREES: f64 = 180.0 / PI;
 /// No effect makes what the rigid bodies need so many times larger or smaller while friction agrees.
@@ -215,7 +215,7 @@ fn driven(
 /// The signal that the torque is taken from.
 fn torque_signal(columns: &JointColumns) -> Option<Signal> {
     let mut torques = [Signal::MotorTorqueNm, Signal::CommandTorqueNm].into_iter();
-    torques.find(|signal| measured(columns, *signal).is_some())
+    torques.find(|signal| columns.measured(*signal).is_some())
 }
 
 /// A factor of all positions of some joints.
@@ -236,7 +236,7 @@ fn positions(robot: &Robot, thinned: &Recording, moving: &[Option<Moving>]) -> O
         let columns = thinned.joint(&robot.joints[joint].name);
         columns.is_ok_and(|columns| {
             let there = POSITIONS.iter();
-            there.filter(|of| measured(columns, **of).is_some()).count() == 1
+            there.filter(|of| columns.measured(**of).is_some()).count() == 1
         })
     };
     let each = (0..before.len()).filter(|joint| before[*joint] > OWN && is_alone(*joint));
@@ -295,7 +295,7 @@ fn finding(robot: &Robot, thinned: &Recording, tried: &Tried) -> Finding {
     let columns = joint.as_ref().and_then(|name| thinned.joint(name).ok());
     let signal = columns.and_then(|columns| {
         let mut there = POSITIONS.into_iter();
-        there.find(|of| measured(columns, *of).is_some())
+        there.find(|of| columns.measured(*of).is_some())
     });
     let (of, whose) = match &joint {
         Some(name) => ("its", format!("[joint.{name}]")),

@@ -7,12 +7,11 @@ use std::collections::BTreeMap;
 
 use crate::twin::TwinError;
 use recording::Recording;
+use recording::repeats::{Group, Place, Repeat, mean_and_variance, repeats};
 
-use crate::checks::repeats::{Group, Repeat, mean_and_variance, repeats};
 use crate::closed_loop::search::{Model, Search};
 use crate::report::DataFinding;
 use crate::twin::observe::Channel;
-use crate::twin::stretch::Place;
 
 /// The repeats among a diagnosis' recordings.
 pub(crate) struct Repeated {

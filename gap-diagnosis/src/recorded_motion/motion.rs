@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use joint_model::filter::FilterError;
+use recording::grid::{Grid, pieces};
 use recording::{JointColumns, MissingSignal, Recording, Signal};
 use robot::Robot;
 
@@ -11,7 +12,7 @@ use crate::evidence::DEVIATIONS;
 use crate::on_all_cores::OnAllCores;
 use crate::signal::band::{Band, COMPARED_HZ};
 use crate::signal::smooth::{derivative, second_derivative};
-use crate::twin::stretch::{Grid, StretchError, pieces};
+use crate::twin::stretch::StretchError;
 
 /// Motion above this is noise, in hertz: twice the compared band and more, so that what is bent (friction's step) is bent before
 /// it is band-limited.
@@ -300,7 +301,7 @@ fn thinned(values: &[f64], every: usize) -> Vec<f64> {
 }
 
 fn velocity_reference(columns: &JointColumns, grid: &Grid) -> Option<Vec<f64>> {
-    let values = crate::twin::stretch::measured(columns, Signal::ReferenceVelocityRadS)?;
+    let values = columns.measured(Signal::ReferenceVelocityRadS)?;
     Some(grid.sample(values, 1.0).0)
 }
 

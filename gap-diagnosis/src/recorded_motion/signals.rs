@@ -3,8 +3,6 @@
 use recording::{JointColumns, Signal};
 use robot::{Control, ControlKind, Feedback, Feedforward, Robot};
 
-use crate::twin::stretch::measured;
-
 /// Where a joint's torque is taken from, the best there is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TorqueSource {
@@ -52,7 +50,7 @@ impl TorqueSource {
                 && (*source != Self::Controller || controller)
                 && joints
                     .iter()
-                    .all(|columns| measured(columns, signal).is_some())
+                    .all(|columns| columns.measured(signal).is_some())
         };
         [Self::Drive, Self::Sensor, Self::Command, Self::Controller]
             .into_iter()
@@ -78,7 +76,7 @@ pub fn position(
         !is_bad(*signal)
             && joints
                 .iter()
-                .all(|columns| measured(columns, *signal).is_some())
+                .all(|columns| columns.measured(*signal).is_some())
     };
     let fed_back = control.map(|control| match control.feedback {
         Feedback::Motor => Signal::MotorPositionRad,

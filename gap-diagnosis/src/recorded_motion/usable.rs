@@ -8,7 +8,6 @@ use super::motion::Read;
 use super::signals::{self, TorqueSource};
 use crate::checks::data;
 use crate::report::DataFinding;
-use crate::twin::stretch::measured;
 
 /// What is read of each joint, or why not.
 pub struct Usable {
@@ -78,7 +77,7 @@ impl Usable {
             .collect();
         let has_drive = columns
             .iter()
-            .any(|columns| measured(columns, Signal::MotorTorqueNm).is_some());
+            .any(|columns| columns.measured(Signal::MotorTorqueNm).is_some());
         let is_bad = |signal: Signal| {
             of_joint.iter().any(|finding| {
                 let is_error = finding.severity == Severity::Error;

@@ -3,6 +3,5 @@
 pub mod band;
 pub mod random;
 pub(crate) mod rounding;
-pub(crate) mod runs;
 pub mod smooth;
 pub(crate) mod waves;

@@ -24,6 +24,7 @@ use joint_model::filter::FilterError;
 use nalgebra::{Unit, Vector3};
 use rand_core::{RngCore, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use recording::repeats::Place;
 use robot::effect::parts::Full;
 use robot::{Effect, Part, Robot};
 
@@ -33,7 +34,7 @@ use crate::twin::load::{Load, LoadChange, Motion};
 use crate::twin::observe::{Band, Channel, Room, channels};
 use crate::twin::remembered::Remembered;
 use crate::twin::simulate::{Feedback, Noise, Substeps, Trace, simulate};
-use crate::twin::stretch::{JointStretch, Place, Stretch};
+use crate::twin::stretch::{JointStretch, Stretch};
 use crate::twin::vibration::{Swing, Vibration};
 use crate::twin::whole_arm::WholeArm;
 pub use rows::Row;

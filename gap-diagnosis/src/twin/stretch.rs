@@ -1,6 +1,7 @@
 //! Recordings cut into stretches: uninterrupted pieces at a constant rate, as the simulation wants them.
 
 use joint_model::filter::FilterError;
+use recording::grid::{Grid, pieces};
 use recording::{JointColumns, MissingSignal, Recording, Signal};
 use robot::Robot;
 
@@ -9,21 +10,8 @@ use crate::twin::links::{Links, Position};
 use crate::twin::load::{Load, Motion};
 use crate::twin::simulate::{Between, Drive};
 
-/// A hole longer than this ends a stretch.
-const HOLE_MAX_S: f64 = 0.1;
 /// A stretch shorter than this tells nothing.
 const STRETCH_MIN_S: f64 = 1.0;
-/// Rows without a value are bridged over so many; what lies in longer holes does not count.
-const BRIDGED_ROWS: usize = 3;
-
-/// Where something begins among the recordings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
-    /// Index of the recording.
-    pub recording: usize,
-    /// Its first row.
-    pub first_row: usize,
-}
 
 /// One joint's signals, joint side, at a constant rate.
 #[derive(Clone, Debug)]
@@ -130,135 +118,6 @@ fn cut(
     Ok(found)
 }
 
-/// Rows without a hole among them, of one trajectory.
-pub(crate) fn pieces(recording: &Recording) -> Vec<std::ops::Range<usize>> {
-    let hole_s = HOLE_MAX_S.max(3.0 / recording.sample_rate_hz);
-    let segments = recording.segments().into_iter();
-    segments
-        .flat_map(|rows| without_holes(&recording.time_s, rows, hole_s))
-        .collect()
-}
-
-fn without_holes(
-    time_s: &[f64],
-    rows: std::ops::Range<usize>,
-    hole_s: f64,
-) -> Vec<std::ops::Range<usize>> {
-    let mut pieces = Vec::new();
-    let mut start = rows.start;
-    for row in rows.start + 1..rows.end {
-        let follows = time_s[row] - time_s[row - 1] <= hole_s;
-        if !follows {
-            pieces.push(start..row);
-            start = row;
-        }
-    }
-    pieces.push(start..rows.end);
-    pieces
-}
-
-/// Instants at a constant rate, each between two rows.
-#[derive(Clone, Debug)]
-pub(crate) struct Grid {
-    start_s: f64,
-    period_s: f64,
-    /// The row before, and how far it is to the next.
-    places: Vec<(usize, f64)>,
-    rows: std::ops::Range<usize>,
-}
-
-impl Grid {
-    /// Of rows that begin with the first one, at their times.
-    pub fn new(time_s: &[f64], first_row: usize, rate_hz: f64) -> Self {
-        let rows = first_row..first_row + time_s.len();
-        let start_s = time_s[0];
-        let period_s = 1.0 / rate_hz;
-        let uneven_s = (0..time_s.len())
-            .map(|k| (time_s[k] - start_s - k as f64 * period_s).abs())
-            .fold(0.0, f64::max);
-        let places = if uneven_s < 0.2 * period_s {
-            rows.clone().map(|row| (row, 0.0)).collect()
-        } else {
-            between_rows(time_s, first_row, period_s)
-        };
-        Self {
-            start_s,
-            period_s,
-            places,
-            rows,
-        }
-    }
-
-    /// How many instants.
-    pub fn samples(&self) -> usize {
-        self.places.len()
-    }
-
-    /// A signal at the grid's instants, with where it was there.
-    pub fn sample(&self, values: &[f64], scale: f64) -> (Vec<f64>, Vec<bool>) {
-        let (bridged, whole) = bridge(&values[self.rows.clone()]);
-        let first = self.rows.start;
-        let last = bridged.len() - 1;
-        let sampled = self.places.iter().map(|&(row, share)| {
-            let (a, b) = (row - first, (row - first + 1).min(last));
-            scale * (bridged[a] + share * (bridged[b] - bridged[a]))
-        });
-        let whole = self.places.iter().map(|&(row, _)| whole[row - first]);
-        (sampled.collect(), whole.collect())
-    }
-}
-
-fn between_rows(time_s: &[f64], first_row: usize, period_s: f64) -> Vec<(usize, f64)> {
-    let end_s = time_s[time_s.len() - 1] - time_s[0];
-    let count = (end_s / period_s) as usize + 1;
-    let mut row = 0;
-    (0..count)
-        .map(|k| {
-            let at_s = time_s[0] + k as f64 * period_s;
-            while row + 2 < time_s.len() && time_s[row + 1] <= at_s {
-                row += 1;
-            }
-            let step_s = time_s[row + 1] - time_s[row];
-            let share = if step_s > 0.0 {
-                ((at_s - time_s[row]) / step_s).clamp(0.0, 1.0)
-            } else {
-                0.0
-            };
-            (first_row + row, share)
-        })
-        .collect()
-}
-
-/// Fills holes by straight lines, and tells which rows do not lie in long ones.
-fn bridge(values: &[f64]) -> (Vec<f64>, Vec<bool>) {
-    let mut bridged = values.to_vec();
-    let mut whole = vec![true; values.len()];
-    let mut row = 0;
-    while row < values.len() {
-        if values[row].is_finite() {
-            row += 1;
-            continue;
-        }
-        let end = (row..values.len())
-            .find(|k| values[*k].is_finite())
-            .unwrap_or(values.len());
-        let before = row.checked_sub(1).map(|k| bridged[k]);
-        let after = values.get(end).copied();
-        let (from, to) = match (before, after) {
-            (Some(from), Some(to)) => (from, to),
-            (Some(only), None) | (None, Some(only)) => (only, only),
-            (None, None) => (0.0, 0.0),
-        };
-        let steps = (end - row + 1) as f64;
-        for k in row..end {
-            bridged[k] = from + (to - from) * (k - row + 1) as f64 / steps;
-            whole[k] = end - row <= BRIDGED_ROWS;
-        }
-        row = end;
-    }
-    (bridged, whole)
-}
-
 fn stretch(
     index: usize,
     recording: &Recording,
@@ -266,7 +125,7 @@ fn stretch(
     grid: &Grid,
     of_links: OfLinks,
 ) -> Result<Stretch, StretchError> {
-    let rate_hz = 1.0 / grid.period_s;
+    let rate_hz = 1.0 / grid.period_s();
     let between = control::between(robot, rate_hz);
     let positions = robot
         .joints
@@ -294,7 +153,7 @@ fn stretch(
         .collect::<Result<Vec<_>, MissingSignal>>()?;
     Ok(Stretch {
         recording: index,
-        first_row: grid.rows.start,
+        first_row: grid.first_row(),
         rate_hz,
         joints,
         motion: links.motion,
@@ -306,8 +165,12 @@ fn position_rad(
     gear_ratio: f64,
     grid: &Grid,
 ) -> Result<Position, MissingSignal> {
-    let motor = measured(joint, Signal::MotorPositionRad).map(|x| grid.sample(x, 1.0 / gear_ratio));
-    let link = measured(joint, Signal::LinkPositionRad).map(|x| grid.sample(x, 1.0));
+    let motor = joint
+        .measured(Signal::MotorPositionRad)
+        .map(|x| grid.sample(x, 1.0 / gear_ratio));
+    let link = joint
+        .measured(Signal::LinkPositionRad)
+        .map(|x| grid.sample(x, 1.0));
     match (motor, link) {
         (Some((motor_rad, is_whole)), link) => Ok(Position {
             motor_rad,
@@ -330,15 +193,6 @@ fn position_rad(
     }
 }
 
-/// A signal with at least one value.
-pub(crate) fn measured(joint: &JointColumns, signal: Signal) -> Option<&[f64]> {
-    let values = joint.signals.get(&signal)?;
-    values
-        .iter()
-        .any(|value| value.is_finite())
-        .then_some(values)
-}
-
 fn joint_stretch(
     joint: &JointColumns,
     gear_ratio: f64,
@@ -346,7 +200,7 @@ fn joint_stretch(
     between: Between,
     grid: &Grid,
 ) -> Option<JointStretch> {
-    let sample = |signal, scale| measured(joint, signal).map(|x| grid.sample(x, scale));
+    let sample = |signal, scale| joint.measured(signal).map(|x| grid.sample(x, scale));
     let torque = sample(Signal::MotorTorqueNm, gear_ratio);
     let command = sample(Signal::CommandTorqueNm, gear_ratio);
     let has_command = command.is_some();
@@ -361,8 +215,8 @@ fn joint_stretch(
         .collect();
     Some(JointStretch {
         drive: Drive {
-            period_s: grid.period_s,
-            start_s: grid.start_s,
+            period_s: grid.period_s(),
+            start_s: grid.start_s(),
             motor_rad: position.motor_rad,
             link_rad: position.link_rad.clone(),
             command_nm,
@@ -385,36 +239,5 @@ impl JointStretch {
     /// How many samples.
     pub fn samples(&self) -> usize {
         self.torque_nm.len()
-    }
-}
-
-#[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test may")]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_jump_in_time_ends_a_stretch() {
-        let time_s = [0.0, 0.01, 0.02, 1.0, 1.01];
-        assert_eq!(without_holes(&time_s, 0..5, 0.1), [0..3, 3..5]);
-    }
-
-    #[test]
-    fn holes_are_bridged_and_long_ones_do_not_count() {
-        let nan = f64::NAN;
-        let (values, whole) = bridge(&[nan, 1.0, nan, 3.0, nan, nan, nan, nan, 8.0, nan]);
-        assert_eq!(values, [1.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 8.0]);
-        let missing: Vec<usize> = (0..whole.len()).filter(|k| !whole[*k]).collect();
-        assert_eq!(missing, [4, 5, 6, 7]);
-    }
-
-    #[test]
-    fn an_uneven_clock_is_brought_to_a_constant_rate() {
-        let time_s = [0.0, 0.9, 2.2, 3.0, 4.0];
-        let grid = Grid::new(&time_s, 0, 1.0);
-        let (values, _) = grid.sample(&time_s, 2.0);
-        for (k, value) in values.iter().enumerate() {
-            assert!((value - 2.0 * k as f64).abs() < 1e-12);
-        }
     }
 }

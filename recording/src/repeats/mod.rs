@@ -12,11 +12,11 @@ mod statistics;
 
 use std::collections::BTreeSet;
 
-use recording::{Recording, Signal};
 use serde::Serialize;
 
-use crate::twin::stretch::{Grid, Place, measured, pieces};
-pub(crate) use statistics::mean_and_variance;
+use crate::grid::{Grid, pieces};
+use crate::{Recording, STILL_RAD, Signal};
+pub use statistics::mean_and_variance;
 use statistics::{Deviation, Means};
 
 /// Fewer repeats tell nothing: one is left out, and the scatter of one other cannot be told.
@@ -30,8 +30,6 @@ const ROWS_MIN: usize = 64;
 const COMMON: f64 = 0.9;
 /// Inputs that differ by less than this part of their largest value are the same.
 const SAME: f64 = 1e-6;
-/// A joint that moves less does not move, and what its encoder's last digit does is not judged.
-const STILL_RAD: f64 = 2e-3;
 /// Part of the time that is the start, and the end.
 const AT_END: f64 = 0.05;
 /// What a joint may be told to do, the best first.
@@ -50,6 +48,15 @@ const MEASURED: [Signal; 7] = [
     Signal::LinkVelocityRadS,
     Signal::JointTorqueNm,
 ];
+
+/// Where a piece begins among the recordings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// Index of the recording.
+    pub recording: usize,
+    /// Its first row.
+    pub first_row: usize,
+}
 
 /// Repeats of one input.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -227,7 +234,7 @@ impl Piece {
             .iter()
             .map(|joint| {
                 INPUTS.iter().find_map(|&signal| {
-                    let (values, _) = grid.sample(measured(joint, signal)?, 1.0);
+                    let (values, _) = grid.sample(joint.measured(signal)?, 1.0);
                     Some(Input {
                         joint: joint.name.clone(),
                         signal,
@@ -357,7 +364,7 @@ impl Pieces<'_> {
         let mut repeats = Vec::with_capacity(self.pieces.len());
         for piece in self.pieces {
             let columns = self.recordings[piece.place.recording].1.joint(joint).ok()?;
-            let (mut values, whole) = piece.grid.sample(measured(columns, signal)?, 1.0);
+            let (mut values, whole) = piece.grid.sample(columns.measured(signal)?, 1.0);
             values.truncate(self.samples);
             repeats.push(values);
             for (counts, whole) in counts.iter_mut().zip(whole) {
@@ -547,9 +554,9 @@ fn order(joint: &Joint, alike: &[usize], joints: usize) -> Option<Order> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
+    use super::statistics::uniform;
     use super::*;
-    use crate::signal::random::uniform;
-    use recording::JointColumns;
+    use crate::JointColumns;
 
     const ROWS: usize = 400;
 

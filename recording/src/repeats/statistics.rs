@@ -14,9 +14,9 @@
 use std::f64::consts::PI;
 use std::ops::Range;
 
+use rand_core::{RngCore, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 use statrs::function::beta::checked_beta_reg;
-
-use crate::signal::random::uniform;
 
 /// Where the means over the whole, halves, quarters and eighths lie.
 const LEVELS: [Range<usize>; 4] = [0..1, 1..3, 3..7, 7..15];
@@ -128,7 +128,7 @@ impl Means {
 }
 
 /// Mean and unbiased variance.
-pub(crate) fn mean_and_variance(values: &[f64]) -> (f64, f64) {
+pub fn mean_and_variance(values: &[f64]) -> (f64, f64) {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
     let square: f64 = values.iter().map(|x| (x - mean).powi(2)).sum();
@@ -258,6 +258,12 @@ pub(super) fn neighbours(signals: &[Means], repeats: &[usize]) -> Option<Neighbo
         next_to_any: (steps / expected).sqrt(),
         probability: as_near as f64 / (ORDERS + 1) as f64,
     })
+}
+
+/// Seeded random numbers between 0 and 1.
+pub(super) fn uniform(seed: u64) -> impl FnMut() -> f64 {
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    move || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
 }
 
 #[cfg(test)]
