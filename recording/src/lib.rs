@@ -64,6 +64,7 @@ pub use mcap_file::{McapContents, read_cycles, write_mcap};
 pub use message::{CycleRow, JointCycle, JointTruth, LoopCycle};
 pub use parquet_table::write_parquet;
 pub use signal::Signal;
+pub use statistics::{noise_std, step};
 pub use table::{JointColumns, MissingSignal, Recording};
 pub use window::Window;
 pub use writer::{Header, Writer};

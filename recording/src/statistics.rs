@@ -31,7 +31,8 @@ pub(crate) fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
 ///
 /// Between different values in order of size, all distances are multiples of such a step. Without one they are of
 /// all sizes, and a fifth of them is near a multiple of the smallest by chance.
-pub(crate) fn step(values: &[f64]) -> Option<f64> {
+#[must_use]
+pub fn step(values: &[f64]) -> Option<f64> {
     /// Distances below this share of the largest value are rounding, also that of 32-bit numbers.
     const ROUNDING: f64 = 4e-7;
     const DISTANCES_MIN: usize = 8;
@@ -73,7 +74,8 @@ fn common_step(distances: &[f64]) -> Option<f64> {
 
 /// Standard deviation of what changes from value to value without the motion: of third differences, which a smooth
 /// motion hardly has. Their median size, so that jumps do not count. 0 where quantisation hides it.
-pub(crate) fn noise_std(values: &[f64]) -> Option<f64> {
+#[must_use]
+pub fn noise_std(values: &[f64]) -> Option<f64> {
     /// Third differences of white noise have 1 + 9 + 9 + 1 times its variance.
     const VARIANCE_GROWTH: f64 = 20.0;
     /// Of a normal distribution's standard deviation to its median size.

@@ -5,6 +5,7 @@ use recording::{JointColumns, Signal};
 use robot::Effect;
 
 use crate::checks::found::{Found, ROWS_MIN};
+use crate::twin::scale::{SATURATED, largest_of};
 
 /// Samples over which the drive's response is sought.
 pub(crate) const TAPS: usize = 64;
@@ -28,10 +29,6 @@ const WORTH: f64 = 50.0;
 const SPANS: [usize; 2] = [1, 16];
 /// Of these, how many differences are taken.
 const PER_SPAN: usize = 4;
-/// Quantile of torques that were reached: a few samples may be anything; and the part of it up to which a drive is taken to
-/// follow its command.
-const NEARLY_ALL: f64 = 0.999;
-const REACHED: f64 = 0.97;
 
 /// How the drive's torque follows its command: a delay and a first-order lag.
 pub(crate) struct Response {
@@ -250,11 +247,7 @@ pub(crate) fn told_delay(delay_cycles: usize) -> f64 {
 
 /// The largest torque but for a few samples and a margin: commands up to it were not cut off.
 pub(crate) fn reached_nm(torque_nm: &[f64]) -> f64 {
-    let mut sizes: Vec<f64> = torque_nm.iter().map(|torque_nm| torque_nm.abs()).collect();
-    sizes.retain(|size| size.is_finite());
-    sizes.sort_by(f64::total_cmp);
-    let nearly_all = (NEARLY_ALL * sizes.len().saturating_sub(1) as f64) as usize;
-    REACHED * sizes.get(nearly_all).copied().unwrap_or(0.0)
+    SATURATED * largest_of(torque_nm.iter().copied())
 }
 
 /// Torque and command of every recording that has both.

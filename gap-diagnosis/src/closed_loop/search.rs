@@ -6,7 +6,7 @@ use robot::Effect;
 use crate::effects::{Hypothesis, Shown, plain};
 use crate::on_all_cores::OnAllCores;
 use crate::twin::known::Known;
-use crate::twin::observe::Channel;
+use crate::twin::observe::{Channel, SPREAD_S};
 use crate::twin::scale::Scale;
 use crate::twin::simulate::Between;
 use crate::twin::whiten::{Floor, Whitener, series};
@@ -14,8 +14,6 @@ use crate::twin::{Changes, JointTwin, Row};
 
 /// Runs of the twin with noise, of which the mean is taken.
 const NOISY_RUNS: u64 = 6;
-/// Around a row, what nobody can tell of its neighbours counts for it too.
-const DOUBT_S: f64 = 0.06;
 /// What the twin itself is off, as parts of the friction: from sample to sample, and slowly.
 const TWIN_QUICK: f64 = 0.002;
 const TWIN_SLOW: f64 = 0.006;
@@ -311,7 +309,8 @@ fn doubts_nm(twin: &JointTwin<'_>) -> Result<Vec<f64>, TwinError> {
             *square += (0.5 * (least + most) - middle).powi(2);
         }
     }
-    let around = (DOUBT_S * twin.rows_hz()).round() as usize;
+    // what nobody can tell of a row counts for its neighbours too
+    let around = (SPREAD_S * twin.rows_hz()).round() as usize;
     let mut doubts_nm = vec![0.0; clean.len()];
     for of in series(&twin.rows) {
         for k in of.clone() {

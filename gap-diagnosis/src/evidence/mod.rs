@@ -20,6 +20,7 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
+pub use crate::twin::known::LAW as INEXACT;
 pub use fit::Fit;
 use sums::{Reduced, Sums, dot, parts};
 
@@ -37,8 +38,6 @@ const ROWS_LEAST: f64 = 10.0;
 pub const ERRORS: f64 = 2.0;
 /// Standard deviations beyond which a value is a finding.
 pub const DEVIATIONS: f64 = 3.0;
-/// Part of its torque by which a law of friction or of a gear is no truer, however well it is fitted.
-pub const INEXACT: f64 = 0.03;
 /// Keeps a matrix from being singular where two columns are alike, relative to a column's square.
 const ALIKE: f64 = 1e-9;
 

@@ -10,10 +10,8 @@ use robot::{Effect, Robot, Tolerance, changed_chain};
 use super::motion::{JointMotion, Piece};
 use super::signals::TorqueSource;
 use crate::twin::joint::JointModel;
-use crate::twin::known::{self, KnownValue};
+use crate::twin::known::{self, KnownValue, PART_MIN};
 
-/// Of the largest change that a tolerance makes, or of another law, the least that counts: a smaller one is not seen beside it.
-pub const PART_MIN: f64 = 0.05;
 /// How the torque of every joint changes with something of the whole arm.
 #[derive(Clone, Debug)]
 pub struct ArmColumn {

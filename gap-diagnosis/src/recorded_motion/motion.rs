@@ -4,21 +4,16 @@ use std::borrow::Cow;
 
 use joint_model::filter::FilterError;
 use recording::grid::{Grid, pieces};
-use recording::{JointColumns, MissingSignal, Recording, Signal};
+use recording::{JointColumns, MissingSignal, Recording, Signal, noise_std};
 use robot::Robot;
 
 use super::signals::{TorqueSource, controller};
 use crate::evidence::DEVIATIONS;
 use crate::on_all_cores::OnAllCores;
-use crate::signal::band::{Band, COMPARED_HZ};
+use crate::signal::band::{Band, COMPARED_HZ, MOTION_HZ, up_to};
 use crate::signal::smooth::{derivative, second_derivative};
 use crate::twin::stretch::StretchError;
 
-/// Motion above this is noise, in hertz: twice the compared band and more, so that what is bent (friction's step) is bent before
-/// it is band-limited.
-const MOTION_HZ: f64 = 30.0;
-/// Of the sample rate, where that is low.
-const OF_RATE: f64 = 0.2;
 /// Rows a second that hold the motion's band: seven times its end.
 const ROWS_HZ: f64 = 200.0;
 /// The ends of a piece do not count, in seconds: a low-pass of 8 Hz both ways has nothing behind them.
@@ -84,7 +79,7 @@ impl Piece {
 
     /// The band that is compared, at this rate.
     pub fn compared_hz(&self) -> f64 {
-        COMPARED_HZ.min(OF_RATE * self.rate_hz)
+        up_to(COMPARED_HZ, self.rate_hz)
     }
 
     /// A row's time.
@@ -222,7 +217,7 @@ fn joint(
     let step_rad = step(&raw_rad);
     let moving = is_moving(&raw_rad, step_rad, rate_hz);
     Ok(JointMotion {
-        noise_nm: torque_nm.as_deref().map_or(0.0, noise),
+        noise_nm: torque_nm.as_deref().and_then(noise_std).unwrap_or(0.0),
         step_rad: step_rad.map(|step_rad| step_rad / scale.abs()),
         recorded_hz: rate_hz,
         velocity_rad_s: thinned(&derivative(&smooth_rad, 1.0 / rate_hz), every),
@@ -242,7 +237,7 @@ fn is_moving(position_rad: &[f64], step_rad: Option<f64>, rate_hz: f64) -> Vec<b
     // one step to and fro is no motion; nor is noise within its deviations to both sides
     let still_rad = match step_rad {
         Some(step_rad) => 1.5 * step_rad,
-        None => 2.0 * DEVIATIONS * noise(position_rad),
+        None => 2.0 * DEVIATIONS * noise_std(position_rad).unwrap_or(0.0),
     };
     let around = (0.5 * rate_hz / COMPARED_HZ).ceil() as usize;
     let range_rad = |row: usize| {
@@ -279,21 +274,6 @@ fn step(values: &[f64]) -> Option<f64> {
         .count();
     let is_step = few.len() >= FEW && whole as f64 > NEARLY_ALL * few.len() as f64;
     is_step.then_some(smallest)
-}
-
-/// Standard deviation of what differs from sample to sample: third differences of independent samples have 20 times their variance,
-/// and the median of a size is at 0.6745 deviations.
-fn noise(values: &[f64]) -> f64 {
-    let steps = values.windows(4);
-    let mut steps: Vec<f64> = steps
-        .map(|x| (x[3] - 3.0 * x[2] + 3.0 * x[1] - x[0]).abs())
-        .collect();
-    if steps.is_empty() {
-        return 0.0;
-    }
-    let middle = steps.len() / 2;
-    let (_, median, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
-    *median / 0.6745 / 20.0_f64.sqrt()
 }
 
 fn thinned(values: &[f64], every: usize) -> Vec<f64> {

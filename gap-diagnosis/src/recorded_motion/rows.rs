@@ -4,7 +4,7 @@ use joint_model::filter::FilterError;
 use nalgebra::{SMatrix, SVector};
 use robot::Robot;
 
-use super::dynamics::{ArmColumn, Drive, PART_MIN, Torques, that_count, tip_weights};
+use super::dynamics::{ArmColumn, Drive, Torques, that_count, tip_weights};
 use super::laws::{Along, Law};
 use super::motion::{JointMotion, Piece};
 use super::presliding::{self, Presliding};
@@ -12,6 +12,7 @@ use super::signals::TorqueSource;
 use crate::evidence::rows::Rows;
 use crate::signal::band::Band;
 use crate::signal::smooth::derivative;
+use crate::twin::known::PART_MIN;
 
 /// Compared rows of a joint at most: twenty times as many as are independent on the longest of eight real logs.
 const ROWS_MAX: usize = 3000;

@@ -11,9 +11,9 @@ use robot::{Robot, Tolerance};
 use crate::twin::joint::JointModel;
 use crate::twin::load::{LoadChange, Motion};
 
-/// Values of links whose tolerance moves the joint's torque less than this part of what the most important one does do not
-/// count.
-const LINK_PART_MIN: f64 = 0.05;
+/// Values whose tolerance moves the joint's torque less than this part of what the most important one does do not count: they are not
+/// seen beside it.
+pub const PART_MIN: f64 = 0.05;
 /// Relative change by which a link's share of the load is found.
 const LINK_STEP: f64 = 0.1;
 /// Standard deviation of the lag of a current loop that no file speaks of.
@@ -37,6 +37,8 @@ const SKEW_PART: f64 = 0.5;
 const ZERO_RAD: f64 = 1e-3;
 /// Natural logarithm of the factor by which a presliding length may be off.
 const PRESLIDING_LN: f64 = 1.0;
+/// No law of friction, gear or drive is truer than this part of its values, however well it is fitted.
+pub const LAW: f64 = 0.03;
 /// Steps in which the inertia that a link can spare is found.
 const HALVINGS: usize = 30;
 
@@ -456,7 +458,7 @@ pub fn of_links(
         .fold(0.0, f64::max);
     found
         .into_iter()
-        .filter(|(.., size_nm)| *size_nm > LINK_PART_MIN * largest_nm)
+        .filter(|(.., size_nm)| *size_nm > PART_MIN * largest_nm)
         .map(|(value, changes, _)| (value, changes))
         .collect()
 }

@@ -4,15 +4,12 @@
 use joint_model::filter::FilterError;
 use joint_model::rigid_body::{Chain, Moving, Standing};
 
+use crate::signal::band::{MOTION_HZ, up_to};
 use crate::signal::rounding::Rounding;
 use crate::signal::smooth::{derivative, low_pass, second_derivative};
 use crate::twin::elastic::{links_rad, mass_column_kg_m2};
 use crate::twin::joint::JointModel;
 
-/// Motion above this is noise: no joint of an arm is moved faster on purpose.
-const MOTION_HZ: f64 = 30.0;
-/// Of the sample rate, where that is low.
-const MOTION_OF_RATE: f64 = 0.2;
 /// The load is computed about so many times a second and interpolated: poses change slowly.
 const LOAD_HZ: f64 = 200.0;
 /// Step of the gravity torque's slope.
@@ -121,7 +118,7 @@ impl Motion {
     /// [`FilterError`] if the rate is no rate.
     pub fn of(position_rad: &[Vec<f64>], rate_hz: f64) -> Result<Self, FilterError> {
         let period_s = 1.0 / rate_hz;
-        let cutoff_hz = MOTION_HZ.min(MOTION_OF_RATE * rate_hz);
+        let cutoff_hz = up_to(MOTION_HZ, rate_hz);
         let position_rad = position_rad
             .iter()
             .map(|joint| low_pass(joint, cutoff_hz, rate_hz))

@@ -42,9 +42,9 @@ use rows::rows;
 use thinned::Thinned;
 
 /// The beginning of a stretch does not count: nobody knows how far friction and gear were wound up.
-const START_S: f64 = 0.5;
+pub(crate) const START_S: f64 = 0.5;
 /// The end does not: the low-pass has nothing behind it.
-const END_S: f64 = 0.1;
+pub(crate) const END_S: f64 = 0.1;
 
 /// Runs that are remembered. With so many, between a twelfth and a quarter of a search's runs are found again, and hardly more with
 /// any number.
@@ -233,20 +233,10 @@ impl<'a> JointTwin<'a> {
 
     /// Noise of the torque sensors within the band, from how they differ from sample to sample.
     pub fn torque_sensor_noise_nm(&self) -> f64 {
-        let mut steps_nm: Vec<f64> = self
-            .pieces
-            .iter()
-            .filter_map(|piece| piece.joint.joint_torque_nm.as_ref())
-            .flat_map(|torque_nm| torque_nm.windows(4))
-            .map(|x| (x[3] - 3.0 * x[2] + 3.0 * x[1] - x[0]).abs())
-            .collect();
-        if steps_nm.is_empty() {
-            return 0.0;
-        }
-        let middle = steps_nm.len() / 2;
-        let (_, median_nm, _) = steps_nm.select_nth_unstable_by(middle, f64::total_cmp);
-        // third differences of independent samples have 20 times their variance; the median is at 0.6745 deviations
-        let deviation_nm = *median_nm / 0.6745 / 20.0_f64.sqrt();
+        let sensed = self.pieces.iter();
+        let sensed = sensed.filter_map(|piece| piece.joint.joint_torque_nm.as_ref());
+        let sensed_nm: Vec<f64> = sensed.flatten().copied().collect();
+        let deviation_nm = recording::noise_std(&sensed_nm).unwrap_or(0.0);
         let band = self.pieces[0].band;
         deviation_nm * (2.0 * band.cutoff_hz / band.rate_hz).sqrt()
     }

@@ -15,6 +15,7 @@
 use joint_model::filter::FilterError;
 use serde::{Deserialize, Serialize};
 
+use crate::signal::band::up_to;
 use crate::signal::smooth::{low_pass_together, second_difference};
 use crate::twin::joint::JointModel;
 use crate::twin::load::Load;
@@ -23,8 +24,8 @@ use crate::twin::stretch::JointStretch;
 
 /// Above this nothing is compared: friction, gravity and inertia of an arm lie below.
 const CUTOFF_HZ: f64 = 15.0;
-/// Of the sample rate, where that is low.
-const CUTOFF_OF_RATE: f64 = 0.2;
+/// Half the time over which the low-pass spreads what happens in an instant.
+pub(crate) const SPREAD_S: f64 = 0.06;
 /// Samples per second for each hertz of the band: above the two that a band needs, because the filter is no wall.
 const SAMPLES_PER_BAND: f64 = 3.0;
 
@@ -99,7 +100,7 @@ impl Band {
     /// For signals at a rate.
     pub fn at(rate_hz: f64) -> Self {
         Self {
-            cutoff_hz: CUTOFF_HZ.min(CUTOFF_OF_RATE * rate_hz),
+            cutoff_hz: up_to(CUTOFF_HZ, rate_hz),
             rate_hz,
         }
     }

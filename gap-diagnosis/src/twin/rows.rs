@@ -6,15 +6,13 @@ use super::Piece;
 use crate::signal::rounding::Rounding;
 use crate::signal::smooth::derivative;
 use crate::twin::joint::JointModel;
-use crate::twin::observe::Channel;
+use crate::twin::observe::{Channel, SPREAD_S};
 use crate::twin::simulate::Between;
 use crate::twin::stretch::JointStretch;
 use crate::twin::vibration::Vibration;
 
 /// No robot's torque is controlled as slowly as this.
 const SLOWEST_LOOP_HZ: f64 = 200.0;
-/// Half the time over which the low-pass spreads what happens in an instant.
-const AROUND_S: f64 = 0.06;
 /// Of a bend from sample to sample, what a torque may have been off in between: a corner halfway between two is off by half.
 const BEND: f64 = 0.25;
 
@@ -114,7 +112,7 @@ pub(super) fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointMo
         let drive = &piece.joint.drive;
         let load = &piece.joint.load;
         let acceleration_rad_s2 = derivative(&load.velocity_rad_s, drive.period_s);
-        let around = (AROUND_S / drive.period_s) as usize;
+        let around = (SPREAD_S / drive.period_s) as usize;
         let moving_nm: Vec<f64> = acceleration_rad_s2
             .iter()
             .zip(&load.inertia_kg_m2)

@@ -9,7 +9,7 @@ use crate::twin::stretch::JointStretch;
 /// Quantile at which largest torques are compared: a few samples may be anything.
 const NEARLY_ALL: f64 = 0.999;
 /// A drive whose torque reaches this part of the largest command does not saturate.
-const SATURATED: f64 = 0.97;
+pub(crate) const SATURATED: f64 = 0.97;
 /// Fewer samples do not tell at which torque it does.
 const HELD_MIN: usize = 20;
 
@@ -69,8 +69,8 @@ impl Scale {
             values
         };
         let largest = |column: fn(&JointStretch) -> &[f64]| {
-            let values = all(column);
-            values[(NEARLY_ALL * (values.len() - 1) as f64) as usize]
+            let values = stretches.iter().flat_map(|stretch| column(stretch));
+            largest_of(values.copied())
         };
         let high = |values: &[f64]| values[(0.99 * (values.len() - 1) as f64) as usize];
         let torque_nm = high(&all(|stretch| &stretch.torque_nm));
@@ -131,6 +131,15 @@ impl Scale {
             5e-4
         }
     }
+}
+
+/// The largest size but for a few, which may be anything; of no values zero.
+pub(crate) fn largest_of(values: impl Iterator<Item = f64>) -> f64 {
+    let sizes = values.filter(|value| value.is_finite()).map(f64::abs);
+    let mut sizes: Vec<f64> = sizes.collect();
+    sizes.sort_by(f64::total_cmp);
+    let nearly_all = (NEARLY_ALL * sizes.len().saturating_sub(1) as f64) as usize;
+    sizes.get(nearly_all).copied().unwrap_or(0.0)
 }
 
 /// The torque that the drive holds while more is commanded than the largest that it reports: their median, since noise makes the

@@ -5,14 +5,13 @@ use std::f64::consts::{FRAC_2_PI, SQRT_2, TAU};
 
 use joint_model::filter::FilterError;
 
+use crate::signal::band::up_to;
 use crate::signal::smooth::{derivative, low_pass, second_derivative};
+use crate::twin::observe::SPREAD_S;
 
-/// The vibration is sought from so many times the band's limit on, up to some frequency and part of the sample rate.
+/// The vibration is sought from so many times the band's limit on, up to some frequency.
 const FROM_CUTOFFS: f64 = 1.5;
 const TO_HZ: f64 = 150.0;
-const TO_RATE: f64 = 0.2;
-/// Over which it is averaged.
-const AROUND_S: f64 = 0.06;
 /// So many times what is usual is no vibration: of acceleration what it is in half of all rows, as encoder and controller make it.
 const USUAL: f64 = 2.0;
 
@@ -40,7 +39,7 @@ impl Vibration {
         cutoff_hz: f64,
         rate_hz: f64,
     ) -> Result<Self, FilterError> {
-        let (from_hz, to_hz) = (FROM_CUTOFFS * cutoff_hz, TO_HZ.min(TO_RATE * rate_hz));
+        let (from_hz, to_hz) = (FROM_CUTOFFS * cutoff_hz, up_to(TO_HZ, rate_hz));
         if to_hz < 2.0 * from_hz {
             let none = vec![0.0; position_rad.len()];
             return Ok(Self {
@@ -57,7 +56,7 @@ impl Vibration {
             .map(|(all, slow)| all - slow)
             .collect();
         let period_s = 1.0 / rate_hz;
-        let around = (AROUND_S * rate_hz) as usize;
+        let around = (SPREAD_S * rate_hz) as usize;
         let squares = |values: &[f64]| mean_squares(values, around);
         let accelerations = squares(&second_derivative(&fast, period_s));
         let velocities = squares(&derivative(&fast, period_s));

@@ -8,7 +8,7 @@
 use std::ops::Range;
 
 use crate::twin::Row;
-use crate::twin::observe::Channel;
+use crate::twin::observe::{Channel, SPREAD_S};
 
 /// Of the autoregressive filters.
 const ORDER: usize = 8;
@@ -51,11 +51,9 @@ pub fn series(rows: &[Row]) -> Vec<Range<usize>> {
     found
 }
 
-/// How much less a row near a reversal counts: by so many times the deviation elsewhere. Friction before it slips is what twin and robot
+/// How much less a row near a reversal counts, as near as the low-pass spreads it twice: by so many times the deviation elsewhere. Friction before it slips is what twin and robot
 /// share least.
 const REVERSAL: f64 = 15.0;
-/// How near, with the low-pass on top.
-const REVERSAL_S: f64 = 0.12;
 /// Of the torque that accelerates the joint, the twin is off by this part: sensors and twin are not at the same instant.
 const INERTIAL: f64 = 0.02;
 /// Of the difference that softer gears of links make that no encoder shows, so many times may be wrong: their damping is not known
@@ -95,7 +93,7 @@ fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor)
                 .filter_map(|k| turns.get(k))
                 .map(|turn| (turn - row.time_s).abs())
                 .fold(f64::INFINITY, f64::min);
-            let near = (-(nearest_s / REVERSAL_S).powi(2)).exp();
+            let near = (-(nearest_s / (2.0 * SPREAD_S)).powi(2)).exp();
             let hard = INERTIAL * row.inertial_nm / deviation_nm;
             let unseen = UNSEEN * row.unseen_nm / deviation_nm;
             let aliased = row.aliased_nm / deviation_nm;

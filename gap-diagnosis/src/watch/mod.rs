@@ -19,14 +19,12 @@ use crate::diagnose::DiagnoseError;
 use crate::on_all_cores::OnAllCores;
 use crate::report::Candidate;
 use crate::twin::stretch::StretchError;
+use crate::twin::{END_S, START_S};
 pub use baseline::Baseline;
 pub use detector::Detector;
 
 /// Every so often the residual is looked at.
 const HOP_S: f64 = 0.5;
-/// What the twin needs before and after the samples that count.
-const BEFORE_S: f64 = 0.5;
-const AFTER_S: f64 = 0.1;
 /// After so long a gap is diagnosed, and again.
 pub const LOOKS_S: [f64; 3] = [4.0, 8.0, 16.0];
 /// How probable it must be that there is a gap.
@@ -159,7 +157,7 @@ impl Watch {
             .collect::<Result<_, _>>()?;
         let longest_s = self.settings.window_s.max(LOOKS_S[LOOKS_S.len() - 1]);
         self.window
-            .forget_before(time_s - longest_s - 4.0 * HOP_S - BEFORE_S - AFTER_S);
+            .forget_before(time_s - longest_s - 4.0 * HOP_S - START_S - END_S);
         Ok(events.into_iter().flatten().collect())
     }
 }
@@ -272,7 +270,7 @@ fn learn(
         return blind("nothing tells the joint's torque".to_owned(), told);
     };
     let mut quiet = Vec::new();
-    let mut end_s = from_s + BEFORE_S + HOP_S + AFTER_S;
+    let mut end_s = from_s + START_S + HOP_S + END_S;
     while end_s <= now_s {
         quiet.extend(hop(&baseline, seen.window, end_s)?.and_then(|rows| mean_square(&rows)));
         end_s += HOP_S;
@@ -305,7 +303,7 @@ fn hop(
     window: &Window,
     end_s: f64,
 ) -> Result<Option<Vec<[f64; 2]>>, DiagnoseError> {
-    let table: Recording = window.table(end_s - HOP_S - BEFORE_S - AFTER_S, end_s);
+    let table: Recording = window.table(end_s - HOP_S - START_S - END_S, end_s);
     match baseline.residual(&table) {
         Ok(rows) => Ok(Some(rows)),
         Err(DiagnoseError::Stretch(StretchError::Short { .. })) => Ok(None),
