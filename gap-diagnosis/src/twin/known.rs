@@ -2,8 +2,9 @@
 //! refitted within its tolerance before anything is called a gap.
 
 use std::f64::consts::FRAC_PI_2;
+use std::sync::Arc;
 
-use joint_model::friction::{LoadTorqueRow, Sliding, StribeckFriction, StribeckRow};
+use joint_model::friction::{Sliding, StribeckFriction};
 use joint_model::harmonic::Harmonic;
 use joint_model::rigid_body::{Chain, ChainError, Link};
 use robot::{Robot, Tolerance};
@@ -35,6 +36,8 @@ const WAVY_TERMS: usize = 3;
 const SKEW_PART: f64 = 0.5;
 /// Standard deviation of the difference between their zeros.
 const ZERO_RAD: f64 = 1e-3;
+/// A value that no joint is without is no less than this part of the file's.
+const NEEDED_PART: f64 = 0.1;
 /// Natural logarithm of the factor by which a presliding length may be off.
 const PRESLIDING_LN: f64 = 1.0;
 /// No law of friction, gear or drive is truer than this part of its values, however well it is fitted.
@@ -45,35 +48,11 @@ const HALVINGS: usize = 30;
 /// A value of the robot file, or a property of every joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Known {
-    /// Friction at rest, viscous slope, rise and its velocity, of the curve of one direction.
-    Curve(usize, CurveValue),
-    /// Slopes of the load torque of one direction.
-    LoadTorque(usize),
-    /// Friction over the motor angle.
-    Lookup,
-    /// Sum of the file's Coulomb friction.
-    Coulomb,
-    /// Sum of the file's viscous friction.
-    Viscous,
-    /// Sum of the file's quadratic friction.
-    Quadratic,
-    /// Sum of the file's asymmetry.
-    Asymmetric,
-    /// Sum of the file's friction under load.
-    LoadDependent,
-    /// A Stribeck term's height.
-    Stribeck(usize),
-    /// A Stribeck term's velocity.
-    StribeckVelocity(usize),
-    /// A harmonic of friction.
-    Periodic(usize),
+    /// One of the joint's own values, by its place among [`of_file`].
+    File(usize),
     /// What bristles make of a harmonic of friction: a torque over the same angle, whatever the direction, in phase with it
     /// (0) or a quarter cycle before (1).
     Waviness(usize, usize),
-    /// Of the gear.
-    Stiffness,
-    /// Motor side.
-    RotorInertia,
     /// A link's mass, its inertia about its centre aside.
     Mass(usize),
     /// Where a link's centre of mass is, along an axis of its joint's frame.
@@ -111,46 +90,78 @@ impl Known {
             _ => {}
         }
     }
-
-    /// The effect that a change of the value would be called; none for what no effect is made of.
-    pub fn effect(self) -> Option<&'static str> {
-        match self {
-            Self::Curve(_, CurveValue::Rest) | Self::Coulomb => Some("coulomb_friction"),
-            Self::Curve(_, CurveValue::Slope) | Self::Viscous => Some("viscous_friction"),
-            Self::Curve(..) | Self::Stribeck(_) | Self::StribeckVelocity(_) => {
-                Some("stribeck_friction")
-            }
-            Self::LoadTorque(_) | Self::LoadDependent => Some("load_dependent_friction"),
-            Self::Lookup | Self::Periodic(_) => Some("position_dependent_friction"),
-            Self::Quadratic => Some("quadratic_friction"),
-            Self::Asymmetric => Some("asymmetric_friction"),
-            Self::Stiffness => Some("torsional_compliance"),
-            Self::RotorInertia => Some("rotor_inertia"),
-            Self::Mass(_) | Self::Centre(..) => Some("payload"),
-            Self::Inertia(_) => Some("link_inertia"),
-            Self::Waviness(..)
-            | Self::Presliding
-            | Self::Lag
-            | Self::Rounding
-            | Self::Least
-            | Self::Creep(_)
-            | Self::Skew
-            | Self::Zero => None,
-        }
-    }
 }
 
-/// A column of a friction curve.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CurveValue {
-    /// Level at rest.
-    Rest,
-    /// Viscous slope.
-    Slope,
-    /// Rise from rest.
-    Rise,
-    /// Velocity of the rise.
-    Velocity,
+/// A value of the robot file.
+struct FileValue<'a> {
+    /// Its name among the file's tolerances.
+    name: &'static str,
+    /// The numbers that are off together.
+    numbers: Vec<&'a mut f64>,
+    /// Whether there is no joint without it.
+    is_needed: bool,
+}
+
+/// All that the robot file says of a joint itself. What else is in its place among them stays in it whatever is added to the friction.
+fn of_file(model: &mut JointModel) -> Vec<FileValue<'_>> {
+    let mut all = Vec::new();
+    let mut add = |name, numbers, is_needed| {
+        all.push(FileValue {
+            name,
+            numbers,
+            is_needed,
+        });
+    };
+    let friction = &mut model.friction;
+    if let Some(curve) = &mut friction.curve {
+        for row in [&mut curve.positive, &mut curve.negative] {
+            for number in [
+                &mut row.f0_nm,
+                &mut row.fv_nm_s_rad,
+                &mut row.fs_nm,
+                &mut row.vc_rad_s,
+            ] {
+                add("direction_friction", vec![number], false);
+            }
+        }
+    }
+    if let Some(law) = &mut friction.load_torque {
+        for row in [&mut law.positive, &mut law.negative] {
+            add("load_torque", row.slopes.iter_mut().collect(), false);
+        }
+    }
+    if let Some(lookup) = &mut friction.lookup {
+        let levels = [&mut lookup.positive_nm, &mut lookup.negative_nm].into_iter();
+        let levels = levels.flat_map(|row| Arc::make_mut(row).iter_mut());
+        add("friction_table", levels.collect(), false);
+    }
+    let load = &mut friction.load_dependent.load_coefficient;
+    for (name, number) in [
+        ("coulomb_nm", &mut friction.coulomb.coulomb_nm),
+        ("viscous_nm_s_rad", &mut friction.viscous.viscous_nm_s_rad),
+        (
+            "quadratic_nm_s2_rad2",
+            &mut friction.quadratic.quadratic_nm_s2_rad2,
+        ),
+        ("asymmetry_nm", &mut friction.asymmetric.asymmetry_nm),
+        ("load_coefficient", load),
+    ] {
+        add(name, vec![number], false);
+    }
+    if model.stiffness_is_known {
+        add("stiffness_nm_rad", vec![&mut model.stiffness_nm_rad], true);
+    }
+    let rotor = &mut model.rotor_inertia_kg_m2;
+    add("rotor_inertia_kg_m2", vec![rotor], true);
+    for term in &mut friction.periodic {
+        add("amplitude_nm", vec![&mut term.amplitude_nm], false);
+    }
+    for term in &mut friction.stribeck {
+        add("stribeck_nm", vec![&mut term.stribeck_nm], false);
+        let velocity = &mut term.stribeck_velocity_rad_s;
+        add("stribeck_velocity_rad_s", vec![velocity], true);
+    }
+    all
 }
 
 /// Something known, with how well.
@@ -174,46 +185,19 @@ impl KnownValue {
     /// Changes the model by so many standard deviations.
     pub fn apply(&self, model: &mut JointModel, deviations: f64) {
         let change = deviations * self.deviation;
-        let factor = 1.0 + change;
         let friction = &mut model.friction;
         match self.known {
-            Known::Curve(direction, value) => {
-                if let Some(curve) = &mut friction.curve {
-                    let row = if direction == 0 {
-                        &mut curve.positive
-                    } else {
-                        &mut curve.negative
-                    };
-                    *curve_value(row, value) *= factor;
+            Known::File(place) => {
+                let value = &mut of_file(model)[place];
+                let factor = if value.is_needed {
+                    (1.0 + change).max(NEEDED_PART)
+                } else {
+                    1.0 + change
+                };
+                for number in &mut value.numbers {
+                    **number *= factor;
                 }
             }
-            Known::LoadTorque(direction) => {
-                if let Some(law) = &mut friction.load_torque {
-                    let row = if direction == 0 {
-                        &mut law.positive
-                    } else {
-                        &mut law.negative
-                    };
-                    scale_row(row, factor);
-                }
-            }
-            Known::Lookup => {
-                if let Some(lookup) = &mut friction.lookup {
-                    let scaled = |row: &[f64]| row.iter().map(|level| factor * level).collect();
-                    lookup.positive_nm = scaled(&lookup.positive_nm);
-                    lookup.negative_nm = scaled(&lookup.negative_nm);
-                }
-            }
-            Known::Coulomb => friction.coulomb.coulomb_nm *= factor,
-            Known::Viscous => friction.viscous.viscous_nm_s_rad *= factor,
-            Known::Quadratic => friction.quadratic.quadratic_nm_s2_rad2 *= factor,
-            Known::Asymmetric => friction.asymmetric.asymmetry_nm *= factor,
-            Known::LoadDependent => friction.load_dependent.load_coefficient *= factor,
-            Known::Stribeck(term) => friction.stribeck[term].stribeck_nm *= factor,
-            Known::StribeckVelocity(term) => {
-                friction.stribeck[term].stribeck_velocity_rad_s *= factor.max(0.1);
-            }
-            Known::Periodic(term) => friction.periodic[term].amplitude_nm *= factor,
             Known::Waviness(term, quarter) if change != 0.0 => {
                 let law = &friction.periodic[term];
                 model.torque_ripple.push(Harmonic {
@@ -223,8 +207,6 @@ impl KnownValue {
                 });
             }
             Known::Waviness(..) => {}
-            Known::Stiffness => model.stiffness_nm_rad *= factor.max(0.1),
-            Known::RotorInertia => model.rotor_inertia_kg_m2 *= factor.max(0.1),
             Known::Presliding => model.presliding_rad *= change.exp(),
             Known::Lag => model.current_lag_s += change.max(0.0),
             Known::Rounding => {
@@ -247,93 +229,25 @@ impl KnownValue {
     }
 }
 
-fn curve_value(row: &mut StribeckRow, value: CurveValue) -> &mut f64 {
-    match value {
-        CurveValue::Rest => &mut row.f0_nm,
-        CurveValue::Slope => &mut row.fv_nm_s_rad,
-        CurveValue::Rise => &mut row.fs_nm,
-        CurveValue::Velocity => &mut row.vc_rad_s,
-    }
-}
-
-fn scale_row(row: &mut LoadTorqueRow, factor: f64) {
-    for slope in &mut row.slopes {
-        *slope *= factor;
-    }
-}
-
 /// What is known of a joint, its links aside. `both_every_s`: time between samples, where both encoders are recorded.
 pub fn of_joint(
     model: &JointModel,
     tolerance: &Tolerance,
     both_every_s: Option<f64>,
 ) -> Vec<KnownValue> {
-    let mut all = Vec::new();
-    let mut add = |known: Known, name: &str| {
-        let deviation = tolerance.of(name);
-        if deviation > 0.0 {
-            all.push(KnownValue { known, deviation });
-        }
-    };
+    let mut model = model.clone();
+    let is_there = |value: &FileValue<'_>| value.numbers.iter().any(|number| **number != 0.0);
+    let of_file = of_file(&mut model).into_iter().enumerate();
+    let of_file = of_file.map(|(place, value)| KnownValue {
+        known: Known::File(place),
+        deviation: if is_there(&value) {
+            tolerance.of(value.name)
+        } else {
+            0.0
+        },
+    });
+    let mut all: Vec<KnownValue> = of_file.filter(|value| value.deviation > 0.0).collect();
     let friction = &model.friction;
-    if friction.curve.is_some() {
-        for direction in 0..2 {
-            for value in [
-                CurveValue::Rest,
-                CurveValue::Slope,
-                CurveValue::Rise,
-                CurveValue::Velocity,
-            ] {
-                add(Known::Curve(direction, value), "direction_friction");
-            }
-        }
-    }
-    if friction.load_torque.is_some() {
-        add(Known::LoadTorque(0), "load_torque");
-        add(Known::LoadTorque(1), "load_torque");
-    }
-    if friction.lookup.is_some() {
-        add(Known::Lookup, "friction_table");
-    }
-    let terms = [
-        (friction.coulomb.coulomb_nm, Known::Coulomb, "coulomb_nm"),
-        (
-            friction.viscous.viscous_nm_s_rad,
-            Known::Viscous,
-            "viscous_nm_s_rad",
-        ),
-        (
-            friction.quadratic.quadratic_nm_s2_rad2,
-            Known::Quadratic,
-            "quadratic_nm_s2_rad2",
-        ),
-        (
-            friction.asymmetric.asymmetry_nm,
-            Known::Asymmetric,
-            "asymmetry_nm",
-        ),
-        (
-            friction.load_dependent.load_coefficient,
-            Known::LoadDependent,
-            "load_coefficient",
-        ),
-    ];
-    for (value, known, name) in terms {
-        if value != 0.0 {
-            add(known, name);
-        }
-    }
-    for term in 0..friction.stribeck.len() {
-        add(Known::Stribeck(term), "stribeck_nm");
-        add(Known::StribeckVelocity(term), "stribeck_velocity_rad_s");
-    }
-    for term in 0..friction.periodic.len() {
-        add(Known::Periodic(term), "amplitude_nm");
-    }
-    if model.stiffness_is_known {
-        add(Known::Stiffness, "stiffness_nm_rad");
-    }
-    add(Known::RotorInertia, "rotor_inertia_kg_m2");
     let mut beside = |known: Known, deviation: f64| all.push(KnownValue { known, deviation });
     beside(Known::Presliding, PRESLIDING_LN);
     beside(Known::Lag, LAG_S);

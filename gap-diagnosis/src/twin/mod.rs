@@ -278,16 +278,6 @@ impl<'a> JointTwin<'a> {
         Swing::of(samples, self.nominal.presliding_rad)
     }
 
-    /// Above this nothing is compared.
-    pub fn cutoff_hz(&self) -> f64 {
-        self.pieces[0].band.cutoff_hz
-    }
-
-    /// Recorded rows a second.
-    pub fn recorded_hz(&self) -> f64 {
-        self.pieces[0].band.rate_hz
-    }
-
     /// Compared numbers a second in one channel.
     pub fn rows_hz(&self) -> f64 {
         let band = self.pieces[0].band;
