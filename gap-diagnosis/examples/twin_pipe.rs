@@ -24,7 +24,7 @@ use gap_diagnosis::closed_loop::named::refitted;
 use gap_diagnosis::closed_loop::search::{Model, Search, Term};
 use gap_diagnosis::closed_loop::values::mean_square;
 use gap_diagnosis::effects::{Shown, plain};
-use gap_diagnosis::twin::known::Known;
+use gap_diagnosis::twin::joint::JointModel;
 use gap_diagnosis::twin::observe::Channel;
 use gap_diagnosis::twin::stretch::stretches;
 use gap_diagnosis::twin::{Changes, JointTwin};
@@ -139,21 +139,21 @@ fn refit(search: &Search<'_>) -> Result<[f64; 3], Box<dyn Error>> {
         _ => [0.0; 3],
     };
     let nominal = &search.twin.nominal;
-    let known = search.twin.known.iter().zip(&fitted.known);
-    let known = known.map(|(of, deviations)| {
-        let part = of.deviation * deviations;
-        match of.known {
-            Known::Coulomb => [part * nominal.friction.coulomb.coulomb_nm, 0.0, 0.0],
-            Known::Viscous => [0.0, part * nominal.friction.viscous.viscous_nm_s_rad, 0.0],
-            Known::RotorInertia => {
-                let motor_kg_m2 = nominal.rotor_inertia_kg_m2 / nominal.gear_ratio.powi(2);
-                [0.0, 0.0, part * motor_kg_m2]
-            }
-            _ => [0.0; 3],
-        }
-    });
+    let mut joint = nominal.clone();
+    for (known, deviations) in search.twin.known.iter().zip(&fitted.known) {
+        known.apply(&mut joint, *deviations);
+    }
+    let of = |joint: &JointModel| {
+        [
+            joint.friction.coulomb.coulomb_nm,
+            joint.friction.viscous.viscous_nm_s_rad,
+            joint.rotor_inertia_kg_m2 / joint.gear_ratio.powi(2),
+        ]
+    };
+    let (before, after) = (of(nominal), of(&joint));
+    let known = [0, 1, 2].map(|k| after[k] - before[k]);
     let terms = fitted.terms.iter().map(value);
     Ok(terms
-        .chain(known)
+        .chain([known])
         .fold([0.0; 3], |sum, own| [0, 1, 2].map(|k| sum[k] + own[k])))
 }
