@@ -172,6 +172,7 @@ fn guess_joints(robot: &Robot) -> Vec<GuessJoint> {
         .map(|joint| GuessJoint {
             name: joint.name.clone(),
             gear_ratio: joint.gear_ratio,
+            is_limited: joint.position_limit_rad.is_some(),
         })
         .collect()
 }

@@ -68,6 +68,9 @@ const REFERENCE: &[&str] = &[
     "command",
     "commanded",
     "cmd",
+    "control",
+    "ctrl",
+    "con",
     "goal",
     "setpoint",
     "action",
@@ -157,7 +160,20 @@ pub(crate) fn without_joint(column: &str, joint: &str) -> Option<String> {
 
 /// Whether a name says that its values were measured.
 pub(crate) fn says_measured(name: &str) -> bool {
-    words(name).iter().any(|word| MEASURED.contains(&&**word))
+    let is_said = |word: &String| MEASURED.contains(&without_number(word));
+    words(name).iter().any(is_said)
+}
+
+/// How many words of a name say nothing that is known: `filt` in `pos_filt1`.
+pub(crate) fn words_unknown(name: &str) -> usize {
+    let rest = meaning(name).map_or_else(Vec::new, |meaning| meaning.rest);
+    let is_unknown = |word: &&String| !matches!(without_number(word), "" | "joint" | "j" | "axis");
+    rest.iter().filter(is_unknown).count()
+}
+
+/// A word without the number that it ends with.
+fn without_number(word: &str) -> &str {
+    word.trim_end_matches(|c: char| c.is_ascii_digit())
 }
 
 /// Whether a name is that of a joint and says nothing else: `joint_3`, `J1`, `Axis 2`.
@@ -213,7 +229,7 @@ pub(crate) fn meaning(name: &str) -> Option<Meaning> {
         if OF_OTHERS.contains(&&*word) {
             return None;
         }
-        let letters = word.trim_end_matches(|c: char| c.is_ascii_digit());
+        let letters = without_number(&word);
         let number = &word[letters.len()..];
         let is = |known: &[&str]| known.contains(&letters);
         let named = [

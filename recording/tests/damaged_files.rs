@@ -15,6 +15,7 @@ fn read_guessed(path: &Path) -> Result<Recording, ReadProblem> {
     let joints = ["elbow", "joint1"].map(|name| GuessJoint {
         name: name.to_owned(),
         gear_ratio: 50.0,
+        is_limited: true,
     });
     let read = read_guessing(path, &joints);
     read.map(|(recording, _)| recording)

@@ -36,6 +36,7 @@ fn guess_joints(joints: &[(&str, f64)]) -> Vec<GuessJoint> {
     let joint = |(name, gear_ratio): &(&str, f64)| GuessJoint {
         name: (*name).to_owned(),
         gear_ratio: *gear_ratio,
+        is_limited: true,
     };
     joints.iter().map(joint).collect()
 }
@@ -292,4 +293,49 @@ fn of_several_columns_for_one_signal_the_measured_one_is_taken() {
     let guess = log.guess(&[("elbow", 1.0)]);
     assert_eq!(guess.columns[0].column, "act_torque1_nm");
     assert_eq!(guess.left_out[0].0, "tau_model1");
+}
+
+#[test]
+fn a_controllers_torque_and_a_filtered_position_give_way_to_what_was_measured() {
+    let log = Log::new(
+        "pos_filt1,pos_raw1,q1,tau_con1,tau_fric1,tau_meas1",
+        |time_s| vec![swing(time_s).0; 6],
+    );
+    let guess = log.guess(&[("elbow", 1.0)]);
+    let signal_of = |column| told(&guess, column).1;
+    assert_eq!(signal_of("q1"), Signal::LinkPositionRad);
+    assert_eq!(signal_of("tau_meas1"), Signal::JointTorqueNm);
+    assert_eq!(signal_of("tau_con1"), Signal::CommandTorqueNm);
+    assert_eq!(guess.columns.len(), 3);
+}
+
+#[test]
+fn a_joint_that_may_turn_round_is_not_taken_for_degrees_without_a_question() {
+    let five_turns = Log::new("q", |time_s| vec![30.0 * time_s]);
+    let joints = |is_limited| {
+        let mut joints = guess_joints(&[("wheel", 1.0)]);
+        joints[0].is_limited = is_limited;
+        joints
+    };
+    for (is_limited, sure) in [(true, Sure::Likely), (false, Sure::Doubtful)] {
+        let guess = guess(&five_turns.path(), &joints(is_limited)).unwrap();
+        assert_eq!(told(&guess, "q").3, sure, "{}", guess.columns[0].why);
+    }
+    let degrees = Log::new("q", |time_s| vec![90.0 * time_s]);
+    let guess = guess(&degrees.path(), &joints(false)).unwrap();
+    assert_eq!(told(&guess, "q").3, Sure::Likely);
+}
+
+#[test]
+fn a_velocity_that_lags_is_left_out() {
+    let log = Log::new("q1,qd1,tau1", |time_s| {
+        let (angle, _) = swing(time_s);
+        // what a slow low-pass makes of the velocity
+        vec![angle, 0.57 * swing(time_s - 0.05).1, 1.0]
+    });
+    let guess = log.guess(&[("elbow", 1.0)]);
+    assert_eq!(guess.doubtful().count(), 0);
+    assert_eq!(guess.left_out[0].0, "qd1");
+    let signals: Vec<Signal> = guess.columns.iter().map(|found| found.signal).collect();
+    assert_eq!(signals, [Signal::LinkPositionRad, Signal::JointTorqueNm]);
 }

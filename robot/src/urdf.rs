@@ -30,6 +30,9 @@ const SILENT: [(&str, &[&str]); 3] = [
     ("joint", &[]),
 ];
 
+/// The link that a base may be fixed to without the file's having it, as in Drake.
+const WORLD: &str = "world";
+
 /// Reads the URDF's text.
 pub fn read(text: &str, file: &str) -> Result<Model, RobotError> {
     let robot = &xml::parse(text, file)?;
@@ -188,6 +191,15 @@ impl<'a> Tree<'a> {
                 return Err(link.invalid("two links have this name; give each its own"));
             }
             tree.order.push(name);
+        }
+        let is_on_world = |joint: &Element| {
+            let parent = joint.child("parent");
+            parent.and_then(|parent| parent.attribute("link")) == Some(WORLD)
+        };
+        if !tree.links.contains_key(WORLD) && robot.all("joint").any(is_on_world) {
+            // It has no mass: the file's first element, which has none either, stands for it.
+            tree.links.insert(WORLD, robot);
+            tree.order.insert(0, WORLD);
         }
         if tree.order.len() > BODIES_MAX {
             return Err(robot.invalid(format!("more than {BODIES_MAX} links")));

@@ -103,6 +103,21 @@ fn fixed_joints_merge_into_what_they_hang_on() {
 }
 
 #[test]
+fn a_base_may_be_fixed_to_a_world_that_is_no_link_of_the_file() {
+    let turned = "rpy=\"0 0 1.5707963267948966\"";
+    for rpy in [turned, "rpy=\"1.5707963267948966 0 0\""] {
+        let written = ARM.replace(turned, rpy);
+        let implied = written.replace("  <link name=\"world\"/>\n", "");
+        assert_ne!(written, implied);
+        let origins = [&written, &implied].map(|text| {
+            let robot = read(text).unwrap();
+            robot.chain.links()[0].origin
+        });
+        assert_eq!(origins[0], origins[1], "{rpy}");
+    }
+}
+
+#[test]
 fn limits_come_from_the_urdf_unless_the_robot_file_has_them() {
     let robot = read(ARM).unwrap();
     assert_eq!(robot.joints[0].position_limit_rad, Some([-1.0, 1.0]));

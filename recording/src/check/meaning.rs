@@ -33,6 +33,10 @@ impl Meaning {
             (1.0 / DEGREES, "in radians where the other is in degrees"),
             (RPM, "in revolutions per minute"),
             (1.0 / TAU, "in turns"),
+            (
+                RPM / DEGREES,
+                "in revolutions per minute where degrees a second were taken",
+            ),
         ];
         Self::nearest(measured, &units, &sides(ratio), near)
     }
@@ -117,6 +121,9 @@ mod tests {
             (FindingKind::ReversedSign, "reversed".to_owned(), -1.0)
         );
         assert_eq!(of(-0.01999).1, "reversed, joint side instead of motor side");
+        assert_eq!(of(1.0 / 6.2).1, "in turns");
+        let minutes = "in revolutions per minute where degrees a second were taken";
+        assert_eq!(of(1.0 / 6.05).1, minutes);
         assert_eq!(
             of(50.0 * DEGREES).1,
             "in degrees, motor side instead of joint side"

@@ -31,6 +31,14 @@ pub(super) fn check(joint: &JointColumns) -> Vec<Finding> {
             ),
             "map the current to motor_torque_nm too, with the torque constant as scale",
         ),
+        (false, false) if has(Signal::JointTorqueNm) => add(
+            Finding::note(
+                FindingKind::NoTorque,
+                "the torque is the one at the joint: of a sensor behind the gear it lacks the motor's friction and inertia"
+                    .to_owned(),
+            ),
+            "if it was made from the motor's current, map it to motor_torque_nm, over the gear ratio",
+        ),
         (false, false) => add(
             Finding::warning(
                 FindingKind::NoTorque,

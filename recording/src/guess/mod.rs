@@ -20,6 +20,8 @@ pub struct GuessJoint {
     pub name: String,
     /// Motor angle over link angle; negative if the gear reverses.
     pub gear_ratio: f64,
+    /// Whether the robot file states a range of positions, so that it cannot turn round and round.
+    pub is_limited: bool,
 }
 
 /// How sure a guess is.

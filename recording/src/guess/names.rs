@@ -5,7 +5,9 @@ use crate::Signal;
 use crate::clock::{only_time_column, time_column};
 use crate::columns::{Known, TIME, joint_and_signal};
 use crate::frame::{Column, Frame, Values};
-use crate::names::{Meaning, Quantity, is_numbered_joint, meaning, says_measured, without_joint};
+use crate::names::{
+    Meaning, Quantity, is_numbered_joint, meaning, says_measured, without_joint, words_unknown,
+};
 use std::cmp::Reverse;
 use std::f64::consts::PI;
 
@@ -14,6 +16,8 @@ pub(super) struct Guesser<'a> {
     pub(super) frame: &'a Frame,
     joints: &'a [GuessJoint],
     mostly_degrees: bool,
+    /// Whether positions beyond a turn may still be radians.
+    may_turn: bool,
 }
 
 impl<'a> Guesser<'a> {
@@ -22,6 +26,8 @@ impl<'a> Guesser<'a> {
             frame,
             joints,
             mostly_degrees: mostly_degrees(frame, joints),
+            may_turn: joints.iter().any(|joint| !joint.is_limited)
+                && farthest_angles(frame, joints).all(|farthest| farthest < TURNING_RAD),
         }
     }
 
@@ -42,8 +48,9 @@ impl<'a> Guesser<'a> {
                 Err(why) => guess.left_out.push((column.name.clone(), why)),
             }
         }
-        self.weigh_velocities(&mut columns);
-        // The surest of several for one signal, and of these one that was measured.
+        let left_out = self.weigh_velocities(&mut columns);
+        guess.left_out.extend(left_out);
+        // The surest of several for one signal, of these one that was measured, and of these the plainest name.
         columns.sort_by_key(|(index, found)| {
             let joint = self
                 .joints
@@ -51,7 +58,8 @@ impl<'a> Guesser<'a> {
                 .position(|joint| joint.name == found.joint);
             let is_measured = says_measured(&found.column);
             let best_first = Reverse((found.sure, is_measured));
-            (joint, found.signal, best_first, *index)
+            let unknown = words_unknown(&found.column);
+            (joint, found.signal, best_first, unknown, *index)
         });
         for (_, found) in columns {
             let same =
@@ -110,7 +118,7 @@ impl<'a> Guesser<'a> {
             let (sure, why) = match unit {
                 None => (Sure::Likely, "the dataset says it".to_owned()),
                 // What LeRobot does unless it is told to use degrees.
-                Some(unit) => (
+                Some((_, unit)) => (
                     Sure::Doubtful,
                     format!("the dataset says it; {unit}, or hundredths of a calibrated range"),
                 ),
@@ -121,8 +129,8 @@ impl<'a> Guesser<'a> {
         let (joint, meaning, mut sure, mut why) = self.by_name(index, &column.name)?;
         let (signal, side_is_supposed) = meaning.signal();
         let (scale, unit) = self.unit(column);
-        if let Some(unit) = unit {
-            sure = sure.min(Sure::Likely);
+        if let Some((unit_is, unit)) = unit {
+            sure = sure.min(unit_is);
             why.push(unit);
         }
         if side_is_supposed {
@@ -176,20 +184,22 @@ impl<'a> Guesser<'a> {
         Ok((joint, found, sure, why))
     }
 
-    /// Signal over column, and why where its name does not tell the unit.
-    fn unit(&self, column: &Column) -> (f64, Option<String>) {
+    /// Signal over column; how sure that is, and why, where its name does not tell the unit.
+    fn unit(&self, column: &Column) -> (f64, Option<(Sure, String)>) {
         let told = meaning(&column.name).and_then(|meaning| meaning.scale);
-        match unnamed_angle(column, self.joints) {
+        let (sure, or) = if self.may_turn {
+            (Sure::Doubtful, ", or a joint that turns round in radians")
+        } else {
+            (Sure::Likely, "")
+        };
+        let why = match unnamed_angle(column, self.joints) {
             Some(farthest) if farthest > FARTHEST_RAD => {
-                let why = format!("degrees, as it goes to {farthest:.1}");
-                (PI / 180.0, Some(why))
+                format!("degrees, as it goes to {farthest:.1}{or}")
             }
-            Some(_) if self.mostly_degrees => {
-                let why = "degrees, as most positions are".to_owned();
-                (PI / 180.0, Some(why))
-            }
-            _ => (told.unwrap_or(1.0), None),
-        }
+            Some(_) if self.mostly_degrees => format!("degrees, as most positions are{or}"),
+            _ => return (told.unwrap_or(1.0), None),
+        };
+        (PI / 180.0, Some((sure, why)))
     }
 
     pub(super) fn joint_named(&self, name: &str) -> Option<&GuessJoint> {
@@ -282,13 +292,20 @@ fn unnamed_angle(column: &Column, joints: &[GuessJoint]) -> Option<f64> {
 
 /// A joint turns once each way at most, but for a motor.
 const FARTHEST_RAD: f64 = 2.5 * PI;
+/// A pendulum that is swung up turns round a few times; in degrees some joint of a log goes farther than this.
+const TURNING_RAD: f64 = 10.0 * PI;
+
+fn farthest_angles<'a>(
+    frame: &'a Frame,
+    joints: &'a [GuessJoint],
+) -> impl Iterator<Item = f64> + 'a {
+    let angles = frame.columns.iter();
+    angles.filter_map(|column| unnamed_angle(column, joints))
+}
 
 /// Whether most positions go farther than joints do in radians: logs have one unit for all.
 fn mostly_degrees(frame: &Frame, joints: &[GuessJoint]) -> bool {
-    let angles = frame.columns.iter();
-    let farthest: Vec<f64> = angles
-        .filter_map(|column| unnamed_angle(column, joints))
-        .collect();
+    let farthest: Vec<f64> = farthest_angles(frame, joints).collect();
     let beyond = farthest.iter().filter(|farthest| **farthest > FARTHEST_RAD);
     2 * beyond.count() > farthest.len()
 }

@@ -1,7 +1,7 @@
 //! A velocity is what its position's difference says, in whatever unit and on whatever side of the gear.
 
+use super::GuessedColumn;
 use super::names::Guesser;
-use super::{GuessedColumn, Sure};
 use crate::Signal;
 use crate::clock::{UnitsPerSecond, only_time_column};
 use crate::columns::TIME;
@@ -10,9 +10,15 @@ use std::f64::consts::PI;
 use std::fmt::Write;
 
 impl Guesser<'_> {
-    /// Unit, sign and side of the gear of velocities, from their positions.
-    pub(super) fn weigh_velocities(&self, columns: &mut [(usize, GuessedColumn)]) {
-        let Some(time_s) = self.times_s() else { return };
+    /// Unit, sign and side of the gear of velocities, from their positions. One that no unit, sign or side explains is taken out and
+    /// told with the reason: it lags, or was filtered, and the position tells the motion without it.
+    pub(super) fn weigh_velocities(
+        &self,
+        columns: &mut Vec<(usize, GuessedColumn)>,
+    ) -> Vec<(String, String)> {
+        let Some(time_s) = self.times_s() else {
+            return Vec::new();
+        };
         let positions: Vec<(String, Vec<f64>)> = columns
             .iter()
             .filter(|(_, found)| found.signal == Signal::LinkPositionRad)
@@ -25,6 +31,7 @@ impl Guesser<'_> {
         let velocities = columns
             .iter_mut()
             .filter(|(_, found)| found.signal == Signal::LinkVelocityRadS);
+        let mut left_out = Vec::new();
         for (index, found) in velocities {
             let position = positions.iter().find(|(joint, _)| *joint == found.joint);
             let ratio = self
@@ -71,8 +78,10 @@ impl Guesser<'_> {
             let Some((factor, signal, why)) =
                 explained.into_iter().find(|(factor, _, _)| near(*factor))
             else {
-                found.sure = Sure::Doubtful;
-                let _ = write!(found.why, "; is {slope:.3} times the position's difference");
+                let why = format!(
+                    "is {slope:.3} times the position's difference, which no unit explains"
+                );
+                left_out.push((found.column.clone(), why));
                 continue;
             };
             found.signal = signal;
@@ -88,6 +97,8 @@ impl Guesser<'_> {
                 found.why.push_str(", reversed");
             }
         }
+        columns.retain(|(_, found)| left_out.iter().all(|(column, _)| *column != found.column));
+        left_out
     }
 
     fn times_s(&self) -> Option<Vec<f64>> {

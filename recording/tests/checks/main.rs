@@ -438,6 +438,14 @@ fn what_a_recording_cannot_support_is_said() {
         ]
     );
     assert_eq!(
+        kinds(&[Signal::LinkPositionRad, Signal::JointTorqueNm]),
+        [
+            (Severity::Note, FindingKind::OneEncoder),
+            (Severity::Note, FindingKind::NoTorque),
+            (Severity::Note, FindingKind::NoReference)
+        ]
+    );
+    assert_eq!(
         kinds(&[Signal::MotorTorqueNm, Signal::ReferencePositionRad]),
         [(Severity::Error, FindingKind::NoPosition)]
     );
