@@ -178,9 +178,13 @@ impl<'a> Joint<'a> {
         } = explained;
         let rows = self.rows()?;
         let best = sets[0].names;
-        imitation::take_back(sets, evidence, &rows, |column| {
-            self.compared.of_motor(column)
-        });
+        imitation::take_back(
+            sets,
+            evidence,
+            &rows,
+            |column| self.compared.of_motor(column),
+            |fit| about.is_possible(&self.search, fit),
+        );
         let names = sets[0].names;
         if names != best {
             about.model = about.told(&self.search, &evidence.fit(names));

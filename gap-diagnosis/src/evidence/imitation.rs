@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 use super::remaining::{bent, braking, hats, since_reversal};
 use super::rows::Rows;
 use super::sums::dot;
-use super::{AMPLITUDE_NATS, Evidence, NAME_NATS, Names, Scored, Smooth};
+use super::{AMPLITUDE_NATS, Evidence, Fit, NAME_NATS, Names, Scored, Smooth};
 use crate::signal::waves::PERIODS_MIN;
 
 /// Parts of the recording between which something may have changed at once: half of what is left out in turn.
@@ -23,6 +23,7 @@ pub fn take_back(
     evidence: &Evidence,
     rows: &Rows,
     counted: impl Fn(&[f64]) -> Vec<f64>,
+    is_possible: impl Fn(&Fit) -> bool,
 ) -> bool {
     let best = sets[0].names;
     // what every joint may have is not taken back
@@ -43,12 +44,27 @@ pub fn take_back(
     };
     let taken = best & !told;
     if taken != 0 {
-        sets.retain(|set| set.names & taken == 0 && set.names != told);
-        sets.insert(0, evidence.scored(told));
+        let left = best_within(evidence, told | evidence.usual(), is_possible);
+        sets.retain(|set| set.names & taken == 0 && set.names != left.names);
+        sets.insert(0, left);
     }
     let known = beside.scored(best).score;
     let mut others = beside.smooth();
     taken != 0 || others.any(|law| beside.scored(best | law).score > known)
+}
+
+/// The best of all sets of these names: what every joint may have can take the place that it had no need of beside names that are gone.
+fn best_within(evidence: &Evidence, names: Names, is_possible: impl Fn(&Fit) -> bool) -> Scored {
+    let mut best = evidence.scored(0);
+    let mut subset = names;
+    while subset != 0 {
+        let scored = evidence.scored(subset);
+        if scored.score > best.score && is_possible(&evidence.fit(subset)) {
+            best = scored;
+        }
+        subset = (subset - 1) & names;
+    }
+    best
 }
 
 /// The names of the best set that are told beside the law that explains most with them; none where no law is ahead of the names.
@@ -211,7 +227,7 @@ mod tests {
             shared: None,
         });
         let mut sets = evidence.best(|_| true);
-        let is_law = take_back(&mut sets, &evidence, &rows, <[f64]>::to_vec);
+        let is_law = take_back(&mut sets, &evidence, &rows, <[f64]>::to_vec, |_| true);
         (is_law, sets[0].names)
     }
 

@@ -340,6 +340,7 @@ impl Joint {
             &searched.evidence,
             &self.rows.seen,
             <[f64]>::to_vec,
+            |fit| self.is_possible(fit),
         );
     }
 
