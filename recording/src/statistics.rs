@@ -130,10 +130,15 @@ pub(crate) fn line(x: &[f64], y: &[f64]) -> Option<Line> {
     (slope.is_finite() && slope != 0.0 && correlation.is_finite()).then_some(line)
 }
 
-/// The first coefficient of a linear least-squares fit and its standard error, rows taken as independent.
-pub(crate) fn first_coefficient<const N: usize>(
-    rows: &[(SVector<f64, N>, f64)],
-) -> Option<(f64, f64)> {
+/// A linear least-squares fit.
+struct Fit<const N: usize> {
+    solution: SVector<f64, N>,
+    inverse: SMatrix<f64, N, N>,
+    /// Squares that it leaves.
+    left: f64,
+}
+
+fn fit<const N: usize>(rows: &[(SVector<f64, N>, f64)]) -> Option<Fit<N>> {
     let mut normal = SMatrix::<f64, N, N>::zeros();
     let mut right = SVector::<f64, N>::zeros();
     for (row, value) in rows {
@@ -142,11 +147,31 @@ pub(crate) fn first_coefficient<const N: usize>(
     }
     let inverse = normal.try_inverse()?;
     let solution = inverse * right;
-    let freedom = rows.len().checked_sub(N).filter(|freedom| *freedom > 0)?;
     let residual = |(row, value): &(SVector<f64, N>, f64)| (value - row.dot(&solution)).powi(2);
-    let variance = rows.iter().map(residual).sum::<f64>() / freedom as f64;
-    let error = (variance * inverse[(0, 0)]).sqrt();
-    (solution[0].is_finite() && error.is_finite()).then_some((solution[0], error))
+    Some(Fit {
+        left: rows.iter().map(residual).sum(),
+        solution,
+        inverse,
+    })
+}
+
+/// The first coefficient of a linear least-squares fit and its standard error, rows taken as independent.
+pub(crate) fn first_coefficient<const N: usize>(
+    rows: &[(SVector<f64, N>, f64)],
+) -> Option<(f64, f64)> {
+    let fit = fit(rows)?;
+    let freedom = rows.len().checked_sub(N).filter(|freedom| *freedom > 0)?;
+    let error = (fit.left / freedom as f64 * fit.inverse[(0, 0)]).sqrt();
+    (fit.solution[0].is_finite() && error.is_finite()).then_some((fit.solution[0], error))
+}
+
+/// Part of the values' squares about their mean that a linear least-squares fit leaves.
+pub(crate) fn unexplained<const N: usize>(rows: &[(SVector<f64, N>, f64)]) -> Option<f64> {
+    let values = rows.iter().map(|(_, value)| *value);
+    let mean = values.clone().sum::<f64>() / rows.len() as f64;
+    let about_mean: f64 = values.map(|value| (value - mean).powi(2)).sum();
+    let part = fit(rows)?.left / about_mean;
+    part.is_finite().then_some(part)
 }
 
 #[cfg(test)]

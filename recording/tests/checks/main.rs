@@ -125,6 +125,29 @@ fn a_reversed_torque_is_told_by_friction_and_work() {
 }
 
 #[test]
+fn a_torque_that_other_joints_make_is_not_reversed_by_chance() {
+    let found = |others_nm: f64| {
+        let mut recording = whole();
+        recording.joints.truncate(1);
+        let signals = &mut recording.joints[0].signals;
+        signals.retain(|signal, _| *signal == Signal::LinkPositionRad);
+        let position = &signals[&Signal::LinkPositionRad];
+        let torque = (0..ROWS).map(|row| {
+            let moved_rad = position[(row + 1).min(ROWS - 1)] - position[row.saturating_sub(1)];
+            let others = (5.3 * row as f64 / RATE_HZ).sin();
+            -0.5 * moved_rad.signum() + others_nm * others
+        });
+        let torque = torque.collect();
+        signals.insert(Signal::MotorTorqueNm, torque);
+        let findings = check(&recording, None);
+        let reversed = |finding: &Finding| finding.kind == FindingKind::ReversedSign;
+        findings.iter().any(reversed)
+    };
+    assert!(found(0.2));
+    assert!(!found(1.0));
+}
+
+#[test]
 fn angles_all_in_degrees_are_told_by_the_robot_file() {
     let mut recording = whole();
     for joint in 0..JOINTS.len() {
