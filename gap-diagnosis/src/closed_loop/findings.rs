@@ -7,10 +7,6 @@ use crate::twin::known::Known;
 
 /// A vibration that outpaces the joint's motion in this part of the rows is told.
 const VIBRATES: f64 = 0.2;
-/// By how much, as a part of the time between samples, a joint's two encoders must be read apart to be told.
-const SKEW_TOLD_PART: f64 = 0.25;
-/// By how much their zeros must lie apart.
-const ZERO_TOLD_RAD: f64 = 5e-4;
 
 /// That a joint vibrates, where that outpaces its own motion for long.
 pub(crate) fn vibration(joint: &str, search: &Search<'_>) -> Option<DataFinding> {
@@ -35,8 +31,10 @@ pub(crate) fn encoders(joint: &str, search: &Search<'_>, known: &[[f64; 2]]) -> 
     let found = |value: Known| {
         let of_twin = &search.twin.known;
         let place = of_twin.iter().position(|known| known.known == value)?;
-        let [off, std] = known.get(place)?.map(|x| x * of_twin[place].deviation);
-        (off.abs() > DEVIATIONS * std).then_some((off, std))
+        let usual = of_twin[place].deviation;
+        let [off, std] = known.get(place)?.map(|x| x * usual);
+        // what is small beside what is usual is not worth a word, however sure it is
+        (off.abs() > (DEVIATIONS * std).max(0.5 * usual)).then_some((off, std))
     };
     let note = |what: String, remedy: &str| DataFinding {
         joint: Some(joint.to_owned()),
@@ -45,8 +43,7 @@ pub(crate) fn encoders(joint: &str, search: &Search<'_>, known: &[[f64; 2]]) -> 
         remedy: remedy.to_owned(),
     };
     let period_s = search.scale.period_s;
-    let skew = found(Known::Skew).filter(|(skew_s, _)| skew_s.abs() > SKEW_TOLD_PART * period_s);
-    let skew = skew.map(|(skew_s, std_s)| {
+    let skew = found(Known::Skew).map(|(skew_s, std_s)| {
         let when = if skew_s > 0.0 { "later" } else { "earlier" };
         let what = format!(
             "the link's encoder is read {:.2} ± {:.2} ms {when} than the motor's, {:.2} of the time between samples; the \
@@ -57,8 +54,7 @@ pub(crate) fn encoders(joint: &str, search: &Search<'_>, known: &[[f64; 2]]) -> 
         );
         note(what, "record both at the same instant")
     });
-    let zero = found(Known::Zero).filter(|(zero_rad, _)| zero_rad.abs() > ZERO_TOLD_RAD);
-    let zero = zero.map(|(zero_rad, std_rad)| {
+    let zero = found(Known::Zero).map(|(zero_rad, std_rad)| {
         let what = format!(
             "the link's encoder shows {:.2} ± {:.2} mrad {} than the motor's without load; the diagnosis allows for it",
             1e3 * zero_rad.abs(),

@@ -12,14 +12,12 @@ use crate::evidence::DEVIATIONS;
 use crate::on_all_cores::OnAllCores;
 use crate::signal::band::{Band, COMPARED_HZ, MOTION_HZ, up_to};
 use crate::signal::smooth::{derivative, second_derivative};
-use crate::twin::stretch::StretchError;
+use crate::twin::stretch::{STRETCH_MIN_S, StretchError};
 
 /// Rows a second that hold the motion's band: seven times its end.
 const ROWS_HZ: f64 = 200.0;
 /// The ends of a piece do not count, in seconds: a low-pass of 8 Hz both ways has nothing behind them.
 pub const END_S: f64 = 0.3;
-/// A piece shorter than this, in seconds, has nothing left between its ends.
-const PIECE_MIN_S: f64 = 1.0;
 
 /// One joint's motion and torque, joint side.
 #[derive(Clone, Debug, Default)]
@@ -113,7 +111,7 @@ pub fn pieces_of(
                 continue;
             };
             longest_s = longest_s.max(end_s - start_s);
-            if end_s - start_s >= PIECE_MIN_S {
+            if end_s - start_s >= STRETCH_MIN_S {
                 let grid = Grid::new(time_s, rows.start, recording.sample_rate_hz);
                 found.push(piece(robot, recording, read, &grid, start_s - first_s)?);
             }

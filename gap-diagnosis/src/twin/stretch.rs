@@ -11,7 +11,7 @@ use crate::twin::load::{Load, Motion};
 use crate::twin::simulate::{Between, Drive};
 
 /// A stretch shorter than this tells nothing.
-const STRETCH_MIN_S: f64 = 1.0;
+pub const STRETCH_MIN_S: f64 = 1.0;
 
 /// One joint's signals, joint side, at a constant rate.
 #[derive(Clone, Debug)]
