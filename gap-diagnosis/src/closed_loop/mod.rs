@@ -183,6 +183,7 @@ impl<'a> Joint<'a> {
             evidence,
             &rows,
             |column| self.compared.of_motor(column),
+            0,
             |fit| about.is_possible(&self.search, fit),
         );
         let names = sets[0].names;

@@ -17,12 +17,14 @@ const INSTANTS: usize = 20;
 const FASTEST: f64 = 0.4;
 
 /// Takes back those names of the best set whose part of the gap a smooth law explains better; sets with such a name are no more. Says whether
-/// a law explains something that the best set leaves. `counted`: a column of the rows as it counts in the evidence.
+/// a law explains something that the best set leaves. `counted`: a column of the rows as it counts in the evidence. `expected`: friction that
+/// the joint has, as every joint, and that nobody measured.
 pub fn take_back(
     sets: &mut Vec<Scored>,
     evidence: &Evidence,
     rows: &Rows,
     counted: impl Fn(&[f64]) -> Vec<f64>,
+    expected: Names,
     is_possible: impl Fn(&Fit) -> bool,
 ) -> bool {
     let best = sets[0].names;
@@ -44,7 +46,11 @@ pub fn take_back(
     };
     let taken = best & !told;
     if taken != 0 {
-        let left = best_within(evidence, told | evidence.usual(), is_possible);
+        let left = if expected == 0 {
+            evidence.scored(told)
+        } else {
+            chosen_anew(evidence, told | expected, is_possible)
+        };
         sets.retain(|set| set.names & taken == 0 && set.names != left.names);
         sets.insert(0, left);
     }
@@ -53,8 +59,8 @@ pub fn take_back(
     taken != 0 || others.any(|law| beside.scored(best | law).score > known)
 }
 
-/// The best of all sets of these names: what every joint may have can take the place that it had no need of beside names that are gone.
-fn best_within(evidence: &Evidence, names: Names, is_possible: impl Fn(&Fit) -> bool) -> Scored {
+/// The best set of these names: beside names that are gone there may have been no need of friction that is there.
+fn chosen_anew(evidence: &Evidence, names: Names, is_possible: impl Fn(&Fit) -> bool) -> Scored {
     let mut best = evidence.scored(0);
     let mut subset = names;
     while subset != 0 {
@@ -227,7 +233,7 @@ mod tests {
             shared: None,
         });
         let mut sets = evidence.best(|_| true);
-        let is_law = take_back(&mut sets, &evidence, &rows, <[f64]>::to_vec, |_| true);
+        let is_law = take_back(&mut sets, &evidence, &rows, <[f64]>::to_vec, 0, |_| true);
         (is_law, sets[0].names)
     }
 

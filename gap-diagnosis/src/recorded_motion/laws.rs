@@ -148,10 +148,19 @@ impl Law {
         }
     }
 
+    /// Whether every joint has it.
+    pub fn is_expected(self) -> bool {
+        matches!(self, Self::Coulomb | Self::Viscous)
+    }
+
     /// What naming it costs, in nats. `expects_friction`: whether nobody measured the joint's.
     pub fn cost(self, expects_friction: bool) -> f64 {
-        let is_expected = expects_friction && matches!(self, Self::Coulomb | Self::Viscous);
-        NAME_NATS - if is_expected { EXPECTED_NATS } else { 0.0 }
+        NAME_NATS
+            - if expects_friction && self.is_expected() {
+                EXPECTED_NATS
+            } else {
+                0.0
+            }
             + FREEDOM_NATS * self.freedom()
             + AMPLITUDE_NATS * (self.amplitudes() - 1) as f64
     }

@@ -33,7 +33,7 @@ use crate::report::{
 use crate::signal::band::COMPARED_HZ;
 
 use crate::evidence::{
-    Evidence, Fit, Item, Message, NAME_NATS, Presupposed, Problem, Scored, Span,
+    Evidence, Fit, Item, Message, NAME_NATS, Names, Presupposed, Problem, Scored, Span,
 };
 use dynamics::{Drive, Torques};
 use laws::{Law, Laws};
@@ -283,6 +283,16 @@ impl Joint {
         .collect()
     }
 
+    /// Friction that every joint has, where nobody measured it.
+    fn expected(&self) -> Names {
+        if !self.drive.rubs_unmeasured() {
+            return 0;
+        }
+        let laws = self.rows.laws.iter().enumerate();
+        laws.filter(|(_, (law, _))| law.is_expected())
+            .fold(0, |names, (place, _)| names | 1 << place)
+    }
+
     /// Columns of a cause that the arm shares.
     fn of_arm(&self, cause: Cause) -> &[Vec<f64>] {
         match cause {
@@ -340,6 +350,7 @@ impl Joint {
             &searched.evidence,
             &self.rows.seen,
             <[f64]>::to_vec,
+            self.expected(),
             |fit| self.is_possible(fit),
         );
     }
