@@ -4,8 +4,9 @@
     python3 benches/fleet/measure.py --fleet FLEET --engine ray --workers 2 --out FLEET/ray
 
 Recordings come in the order of their days, so that robots of one and of seven joints are mixed from the beginning.
-Processor time is that of this process and all its children, the engine's own ones included; so a busy machine does not
-change it much. What the diagnoses themselves took stands in the dataset. The rest is overhead. Writes OUT/measured.json.
+Processor time is that of this process and all its children, the engine's own ones included, without that of the thread
+here that looks at them; so a busy machine does not change it much. What the diagnoses themselves took stands in the
+dataset. The rest is overhead. Writes OUT/measured.json.
 """
 
 import argparse
@@ -33,10 +34,17 @@ class Watch(threading.Thread):
         self.before_s = sum(self.me.cpu_times()[:2])
         self.processor_s = {}
         self.memory = {}
+        self.looking_s = 0.0
         self.done = threading.Event()
+        self.lock = threading.Lock()
         self.look()
 
     def look(self):
+        with self.lock:
+            self._look()
+
+    def _look(self):
+        begin_s = time.thread_time()
         for process in [self.me, *self.me.children(recursive=True)]:
             try:
                 with process.oneshot():
@@ -47,13 +55,23 @@ class Watch(threading.Thread):
                     self.memory.setdefault((*key, process.pid == self.me.pid), (name, []))[1].append(sample)
             except psutil.Error:
                 pass
+        self.looking_s += time.thread_time() - begin_s
 
     def run(self):
         while not self.done.wait(LOOK_S):
             self.look()
 
     def total_s(self):
-        return sum(self.processor_s.values()) - self.before_s
+        with self.lock:
+            return sum(self.processor_s.values()) - self.before_s - self.looking_s
+
+    def by_program_s(self):
+        """Processor time by what the processes are, the largest first."""
+        told = {"this script": -self.before_s - self.looking_s}
+        for (*key, is_me), (name, _) in self.memory.items():
+            name = "this script" if is_me else program(name)
+            told[name] = told.get(name, 0.0) + self.processor_s[tuple(key)]
+        return {name: round(s, 1) for name, s in sorted(told.items(), key=lambda one: -one[1])}
 
     def workers(self, count):
         """The children that took most processor time: MiB held in each tenth of their life."""
@@ -71,6 +89,14 @@ class Watch(threading.Thread):
                 }
             )
         return told
+
+
+def program(command):
+    """What a process is, by its command line."""
+    words = command.split()
+    # an interpreter is what it runs
+    scripts = [word for word in words[1:] if word.endswith(".py") or word.startswith(("loky.", "distributed.", "ray::"))]
+    return pathlib.Path((scripts or words or ["?"])[0]).name
 
 
 def costs(results):
@@ -97,6 +123,9 @@ def main():
     watch.start()
 
     def progress(done, of):
+        if done == of:
+            # before the engine ends its processes
+            watch.look()
         if done % 50 == 0 or done == of:
             steps.append((done, round(time.monotonic() - watch.begin_s, 1), round(watch.total_s(), 1)))
             print(f"{done} of {of}, {steps[-1][2]} s of processor time", flush=True)
@@ -118,6 +147,7 @@ def main():
         "processor_s": round(watch.total_s(), 1),
         "diagnoses_processor_s": round(diagnoses_s, 1),
         "overhead": round(watch.total_s() / diagnoses_s - 1.0, 4),
+        "by_program_processor_s": watch.by_program_s(),
         "median_processor_s": {model: round(statistics.median(all_s), 2) for model, all_s in models.items()},
         "steps_recordings_wall_s_processor_s": steps,
         "workers_memory": watch.workers(given.workers),

@@ -4,6 +4,7 @@ maturin packs an extension or a program, not both. A run starts the command agai
 of its own and no entry point of Python: it is built first and laid where maturin takes a wheel's data from.
 """
 
+import atexit
 import json
 import os
 import shutil
@@ -15,9 +16,11 @@ from maturin import *  # noqa: F403: the hooks that are not changed
 
 PACKAGE = Path(__file__).resolve().parent.parent
 ROOT = PACKAGE.parent
-SCRIPTS = PACKAGE / "flexspline.data" / "scripts"
-# maturin asks for it before anything is built
+DATA = PACKAGE / "use-pip-wheel-instead-of-maturin-build"
+SCRIPTS = DATA / "scripts"
+# maturin asks for it before anything is built; without the backend there is none, so that no wheel lacks the command
 SCRIPTS.mkdir(parents=True, exist_ok=True)
+atexit.register(shutil.rmtree, DATA, ignore_errors=True)
 
 
 def _build_command():

@@ -1,5 +1,6 @@
 """A robot of two links, and recordings of one that rubs."""
 
+import sysconfig
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ import flexspline as fx
 
 DATA = Path(__file__).parent / "data"
 EXAMPLES = Path(__file__).parents[2] / "examples"
+#: The command that the wheel carries.
+COMMAND = sysconfig.get_path("scripts") + "/flexspline"
 COULOMB_NM = {"shoulder": 3.0, "elbow": 1.0}
 VISCOUS_NM_S_RAD = {"shoulder": 1.5, "elbow": 0.4}
 

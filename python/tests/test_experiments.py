@@ -1,8 +1,11 @@
 """Simulation, inverse dynamics, suggestions, identification, and a watch along a recording."""
 
+import os
+import subprocess
+
 import numpy as np
 import pytest
-from conftest import EXAMPLES, motion, rigid_nm
+from conftest import COMMAND, EXAMPLES, motion, rigid_nm
 
 import flexspline as fx
 
@@ -74,6 +77,36 @@ def test_nothing_confused_is_no_suggestion(bench, simulated):
     report = fx.diagnose(bench, simulated)
     with pytest.raises(fx.NegativeError, match="nothing to tell apart"):
         fx.suggest(bench, report)
+
+
+def recorded(folder, trajectory, duration):
+    """A run of the emulated bench joint with a spring that its robot file does not know."""
+    spring = '[[effect]]\njoint = "joint1"\neffect = "joint_spring"\nstiffness_nm_rad = 6.0\nrest_rad = 0.4\n'
+    (folder / "spring.toml").write_text(spring)
+    arguments = ["run", "--mode", "lockstep", "--robot", EXAMPLES / "bench.toml", "--trajectory", trajectory]
+    arguments += ["--duration", duration, "--inject", folder / "spring.toml", "--estimators", "residual"]
+    arguments += ["--instance", f"py-{os.getpid()}", "--record", folder / f"{trajectory.stem}.mcap"]
+    subprocess.run([COMMAND, *arguments], check=True, stdout=subprocess.DEVNULL)
+    return folder / f"{trajectory.stem}.mcap"
+
+
+def test_the_suggested_motion_tells_apart_what_the_recording_could_not(bench, tmp_path):
+    (tmp_path / "small.toml").write_text('[[joint]]\nkind = "multi_sine"\nname = "joint1"\namplitude_rad = 0.05\n')
+    # a spring, a link's weight and an offset of the encoder: all are a torque and a slope over so small a range
+    before = fx.diagnose(bench, recorded(tmp_path, tmp_path / "small.toml", "12s"))
+    assert any("joint_spring" in pair for pair in before.joint("joint1").confusable)
+    steps = []
+    suggestion = fx.suggest(bench, before, duration_s=15.0, progress=lambda *step: steps.append(step))
+    assert steps and steps[-1][0] == steps[-1][1]
+    assert suggestion.experiment in repr(suggestion)
+    # what nobody can tell apart is below 9
+    assert max(pair["distance_expected"] for pair in suggestion.pairs) > 9.0
+    suggestion.save(tmp_path / "next.toml")
+    after = fx.diagnose(bench, recorded(tmp_path, tmp_path / "next.toml", "15s")).joint("joint1")
+    assert not any("joint_spring" in pair for pair in after.confusable)
+    [spring] = [effect for effect in after.effects if effect.name == "joint_spring"]
+    assert spring.probability > 0.9
+    assert spring.parameters["stiffness_nm_rad"] == pytest.approx(6.0, rel=0.1)
 
 
 def test_identified_friction_is_that_of_the_emulated_joint(bench, tmp_path):

@@ -141,6 +141,18 @@ def test_the_page_escapes_what_it_is_given(tmp_path):
     assert "<script>" not in page and "axis-05" in page and "<svg" in page
 
 
+@pytest.mark.parametrize(("over", "ends"), [("date", ("2026-03-02", "2026-06-15")), ("hours", ("0 h", "840 h"))])
+def test_the_page_shows_every_recording_of_a_drift(over, ends):
+    summary = of_rows(fleet(518, worn=(4,), wear_nm_month=0.08), over=over)
+    [row] = summary.drifting.rows(named=True)
+    own = (pl.col("robot") == "axis-04") & (pl.col("effect") == "coulomb_friction")
+    assert summary.values.filter(own)["recording"].n_unique() == 16
+    [figure] = [part for part in summary.to_html().split("<figure>") if "axis-04: joint1 Coulomb friction, Nm" in part]
+    assert figure.count("<circle") == 16
+    assert all(end in figure for end in ends)
+    assert row["recordings"] == 16
+
+
 def test_random_effects_agree_with_statsmodels():
     meta = pytest.importorskip("statsmodels.stats.meta_analysis")
     draw = np.random.default_rng(517)

@@ -3,34 +3,43 @@
 import os
 import signal
 import subprocess
-import sysconfig
 import time
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from conftest import COMMAND, EXAMPLES
 
 import flexspline as fx
 
-COMMAND = sysconfig.get_path("scripts") + "/flexspline"
+
+@contextmanager
+def running(folder, *options):
+    """Name and process of a run in real time on the emulator, there to be attached to; its recording goes to the folder."""
+    name = f"python-{os.getpid()}"
+    arguments = ["run", "--instance", name, "--duration", "60s", *options]
+    run = subprocess.Popen(
+        [COMMAND, *arguments], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        for _ in range(200):
+            if run.poll() is not None:
+                pytest.skip(f"this machine cannot run an instance: {run.stderr.read().strip()}")
+            try:
+                fx.attach(name).close()
+                break
+            except fx.InputError:
+                time.sleep(0.1)
+        yield name, run
+    finally:
+        run.terminate()
+        run.communicate(timeout=30)
 
 
 @pytest.fixture
-def instance():
-    """A run of its own in real time on the emulator; slow, for machines that are busy."""
-    name = f"python-{os.getpid()}"
-    arguments = ["run", "--instance", name, "--robot", "shd17", "--duration", "60s"]
-    run = subprocess.Popen([COMMAND, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    for _ in range(200):
-        if run.poll() is not None:
-            pytest.skip(f"this machine cannot run an instance: {run.stderr.read().strip()}")
-        try:
-            fx.attach(name).close()
-            break
-        except fx.InputError:
-            time.sleep(0.1)
-    yield name, run
-    run.terminate()
-    run.wait(30)
+def instance(tmp_path):
+    with running(tmp_path, "--robot", "shd17") as started:
+        yield started
 
 
 def test_rows_come_as_long_as_it_runs(instance):
@@ -65,3 +74,13 @@ def test_rows_come_as_long_as_it_runs(instance):
 def test_nobody_there_is_said():
     with pytest.raises(fx.InputError, match="no instance `nobody` is running"):
         fx.attach("nobody")
+
+
+def test_a_running_instance_is_watched(tmp_path):
+    options = ["--robot", EXAMPLES / "bench.toml", "--trajectory", "multi_sine", "--estimators", "residual"]
+    with running(tmp_path, *options) as (name, _), fx.attach(name) as attached:
+        # without a robot it is watched against the one that runs
+        event = next(fx.watch(attached, window_s=7.0))
+    assert (event["event"], event["joint"]) == ("watching", "joint1")
+    # what a joint learns from comes first
+    assert event["at_s"] >= 7.0

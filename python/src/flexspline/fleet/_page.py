@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Iterable
 from html import escape
 from typing import TYPE_CHECKING
@@ -29,11 +30,13 @@ UNITS = {
     "_m": "m",
 }
 
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
 #: Figures on the page: the effects with the largest shares, and whatever makes a robot unlike.
 FIGURES = 12
 
 STYLE = """
-.fleet { font: 15px/1.5 system-ui, sans-serif; color: #1d2733; max-width: 62rem; margin: 0 auto; padding: 1rem; }
+.fleet { font: 15px/1.5 system-ui, sans-serif; color: #1d2733; max-width: 72rem; margin: 0 auto; padding: 1rem; }
 .fleet h1 { font-size: 1.5rem; } .fleet h2 { font-size: 1.15rem; margin-top: 2rem; }
 .fleet table { border-collapse: collapse; display: block; overflow-x: auto; }
 .fleet th, .fleet td { text-align: left; padding: .25rem .8rem .25rem 0; white-space: nowrap; }
@@ -87,7 +90,7 @@ def body(summary: Summary) -> str:
                     _of_fleet(summary, row),
                     row["why"],
                     f"{row['named']} of {row['of']}",
-                    f"{row['q']:.2g}",
+                    _rate(row["q"]),
                 ]
                 for row in summary.unlike.iter_rows(named=True)
             ],
@@ -96,7 +99,7 @@ def body(summary: Summary) -> str:
     )
     parts.append("<h2>What drifts</h2>")
     drifts = [
-        [row["robot"], _thing(row), _slope(row, "slope", "low", "high", summary.clock), _relative(row), f"{row['q']:.2g}"]
+        [row["robot"], _thing(row), _slope(row, "slope", "low", "high", summary.clock), _relative(row), _rate(row["q"])]
         for row in summary.drifting.iter_rows(named=True)
     ]
     drifts += [
@@ -105,11 +108,12 @@ def body(summary: Summary) -> str:
             _thing(row),
             _slope(row, "slope", "slope_low", "slope_high", summary.clock),
             "",
-            f"{row['slope_q']:.2g}",
+            _rate(row["slope_q"]),
         ]
         for row in _fleet_drifts(summary).iter_rows(named=True)
     ]
-    parts.append(_table(["robot", "what", "slope, 95 % interval", "of its value", "q"], drifts, "Nothing does."))
+    parts.append(_table(["robot", "what", "slope, 95 % interval", f"of its value a {summary.clock}", "q"], drifts, "Nothing does."))
+    parts.extend(_courses(summary))
     parts.append("<h2>What the fleet has in common</h2>")
     parts.append(
         _table(
@@ -175,18 +179,34 @@ def _unit(parameter: str) -> str:
     return next((" " + unit for end, unit in UNITS.items() if parameter.endswith(end)), "")
 
 
+def _digits(value: float, form: str = "") -> str:
+    """Three digits, as people write them: 6690 and 2.9·10⁻⁵, not 6.69e+03 and 2.9e-05."""
+    if value == 0.0:
+        return "0"
+    mantissa, exponent = f"{value:{form}.2e}".split("e")
+    if -3 <= int(exponent) <= 5:
+        return f"{float(f'{value:.2e}'):{form}.{max(0, 2 - int(exponent))}f}"
+    return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPT)}"
+
+
 def _value(value: float | None, parameter: str) -> str:
-    return "-" if value is None else f"{value:.3g}{_unit(parameter)}"
+    return "-" if value is None else f"{_digits(value)}{_unit(parameter)}"
 
 
 def _interval(row: dict, value: str, low: str, high: str) -> str:
     if row[value] is None:
         return "-"
-    return f"{_value(row[value], row['parameter'])} ({row[low]:.3g} to {row[high]:.3g})"
+    return f"{_value(row[value], row['parameter'])} ({_digits(row[low])} to {_digits(row[high])})"
+
+
+def _rate(q: float) -> str:
+    """A rate of false discoveries; how small a very small one is depends on the laws' far tails, which nobody knows."""
+    return "below 10⁻⁶" if q < 1e-6 else _digits(q)
 
 
 def _slope(row: dict, value: str, low: str, high: str, clock: str) -> str:
-    return f"{row[value]:+.3g}{_unit(row['parameter'])} a {clock} ({row[low]:+.3g} to {row[high]:+.3g})"
+    told, least, most = (_digits(row[name], "+") for name in (value, low, high))
+    return f"{told}{_unit(row['parameter'])} a {clock} ({least} to {most})"
 
 
 def _relative(row: dict) -> str:
@@ -198,7 +218,7 @@ def _of_fleet(summary: Summary, row: dict) -> str:
     fleet = summary.effects.filter(same).row(0, named=True)
     if fleet["mean"] is None or fleet["robots_with"] < 2:
         return "have it not"
-    return f"{_value(fleet['mean'], row['parameter'])} ± {fleet['spread']:.2g}"
+    return f"{_value(fleet['mean'], row['parameter'])} ± {_digits(fleet['spread'])}"
 
 
 def _table(heads: list[str], rows: list[list[str]], nothing: str) -> str:
@@ -224,8 +244,72 @@ def _figures(summary: Summary) -> Iterable[str]:
         yield f"<figure><figcaption>{caption}</figcaption>{_forest(robots, fleet)}</figure>"
 
 
+def _courses(summary: Summary) -> Iterable[str]:
+    """Each drifting robot's recordings over time."""
+    order = [*KEY, "parameter"]
+    for number, row in enumerate(summary.drifting.head(FIGURES).iter_rows(named=True)):
+        if number == 0:
+            yield "<p class='quiet'>Dot and line: what a recording says, 95 %. Orange: the drift. Band: the fleet's mean, and how "
+            yield "robots differ, 95 %.</p>"
+        same = pl.all_horizontal(*(pl.col(name).eq_missing(pl.lit(row[name])) for name in order))
+        told = summary.values.filter(same & (pl.col("robot") == row["robot"]) & pl.col("time").is_finite())
+        fleet = summary.effects.filter(same).row(0, named=True)
+        caption = escape(f"{row['robot']}: {_thing(row)}{_unit(row['parameter']).replace(' ', ', ', 1)}")
+        yield f"<figure><figcaption>{caption}</figcaption>{_course(told, row, fleet, summary.clock)}</figure>"
+
+
+def _course(told: pl.DataFrame, drift: dict, fleet: dict, clock: str) -> str:
+    left, width, height, top = 60, 590, 170, 10
+    time, value, std = (told[name].to_list() for name in ("time", "value", "std"))
+    begin, end = min(time), max(time)
+    # the line's level is that at the mean of its times, weighted as the line is
+    weight = [1.0 / one**2 for one in std]
+    middle = sum(w * t for w, t in zip(weight, time)) / sum(weight)
+    line = [drift["level"] + drift["slope"] * (t - middle) for t in (begin, end)]
+    ends = [v + sign * 1.96 * s for v, s in zip(value, std) for sign in (-1, 1)] + line
+    band = []
+    if fleet["mean"] is not None:
+        band = [fleet["mean"] + sign * 2 * fleet["spread"] for sign in (-1, 1)]
+    low, high = min(ends + band), max(ends + band)
+    margin = 0.05 * (high - low or abs(high) or 1.0)
+    low, high = low - margin, high + margin
+
+    def x(at: float) -> float:
+        return left + width * (at - begin) / (end - begin)
+
+    def y(of: float) -> float:
+        return top + height * (high - of) / (high - low)
+
+    across, down = left + width + 40, top + height + 30
+    parts = [f"<svg viewBox='0 0 {across} {down}' width='{across}' font-size='11' role='img'>"]
+    if band:
+        box = f"x='{left}' y='{y(band[1]):.1f}' width='{width}' height='{y(band[0]) - y(band[1]):.1f}'"
+        parts.append(f"<rect {box} fill='#e3ebf5'/>")
+        at = f"{y(fleet['mean']):.1f}"
+        parts.append(f"<line x1='{left}' x2='{left + width}' y1='{at}' y2='{at}' stroke='#7d97b8'/>")
+    for t, v, s in zip(time, value, std):
+        ends_at = f"x1='{x(t):.1f}' x2='{x(t):.1f}' y1='{y(v - 1.96 * s):.1f}' y2='{y(v + 1.96 * s):.1f}'"
+        parts.append(f"<line {ends_at} stroke='#b9c7d8'/>")
+        parts.append(f"<circle cx='{x(t):.1f}' cy='{y(v):.1f}' r='3' fill='#27476e'/>")
+    ends_at = f"x1='{x(begin):.1f}' x2='{x(end):.1f}' y1='{y(line[0]):.1f}' y2='{y(line[1]):.1f}'"
+    parts.append(f"<line {ends_at} stroke='#c8590b' stroke-width='2'/>")
+    for of in (low + margin, 0.5 * (low + high), high - margin):
+        parts.append(f"<text x='{left - 8}' y='{y(of) + 4:.1f}' text-anchor='end' fill='#5b6876'>{_digits(of)}</text>")
+    for at in (begin, 0.5 * (begin + end), end):
+        when = f"<text x='{x(at):.1f}' y='{top + height + 18}' text-anchor='middle' fill='#5b6876'>"
+        parts.append(f"{when}{_instant(at, clock)}</text>")
+    return "".join(parts) + "</svg>"
+
+
+def _instant(time: float, clock: str) -> str:
+    if clock != "month":
+        return f"{1000 * time:.0f} h"
+    begin = datetime.datetime(1970, 1, 1, tzinfo=datetime.timezone.utc)
+    return (begin + datetime.timedelta(days=time * 365.25 / 12)).date().isoformat()
+
+
 def _forest(robots: pl.DataFrame, fleet: dict) -> str:
-    left, width, right, line, top = 90, 560, 90, 15, 24
+    left, width, right, line, top = 90, 560, 150, 15, 24
     rows = list(robots.iter_rows(named=True))
     ends = [row["value"] + sign * 2 * row["std"] for row in rows for sign in (-1, 1)]
     band = None
@@ -260,5 +344,5 @@ def _forest(robots: pl.DataFrame, fleet: dict) -> str:
             parts.append(f"<circle cx='{x(row['shrunk']):.1f}' cy='{y}' r='3.5' fill='{colour}'/>")
         parts.append(f"<text x='{left + width + 8}' y='{y + 4}' fill='{colour}'>{told}</text>")
     for value in (low + margin, 0.5 * (low + high), high - margin):
-        parts.append(f"<text x='{x(value):.1f}' y='{bottom + 14}' text-anchor='middle' fill='#5b6876'>{value:.3g}</text>")
+        parts.append(f"<text x='{x(value):.1f}' y='{bottom + 14}' text-anchor='middle' fill='#5b6876'>{_digits(value)}</text>")
     return "".join(parts) + "</svg>"

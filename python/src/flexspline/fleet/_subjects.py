@@ -65,6 +65,8 @@ class Subject:
     #: Mean share of the gap where it is named.
     share: np.ndarray
     amounts: list[Amount]
+    #: What each recording says of them: `robot`, `recording`, `time`, `parameter`, `value`, `std`.
+    values: pl.DataFrame
     #: Not unlike the others, so far.
     trusted: np.ndarray
     p: dict[tuple, np.ndarray] = field(default_factory=dict)
@@ -159,6 +161,7 @@ def _subject(key: tuple, robots: list[str], could: pl.DataFrame, named: pl.DataF
         amounts=[
             _amount(name, robots, group) for (name,), group in sorted(amounts.partition_by("name", as_dict=True).items())
         ],
+        values=amounts.select("robot", "recording", "time", pl.col("name").alias("parameter"), "value", "std"),
         trusted=np.ones(len(robots), dtype=bool),
     )
 
@@ -247,6 +250,16 @@ DRIFT_SCHEMA = {
 }
 
 
+VALUE_SCHEMA = {
+    "robot": pl.String,
+    **_KEY_SCHEMA,
+    "recording": pl.String,
+    "time": pl.Float64,
+    "value": pl.Float64,
+    "std": pl.Float64,
+}
+
+
 def effect_rows(subject: Subject, rate: float) -> list[tuple]:
     """Rows of the fleet's table."""
     rows = []
@@ -310,6 +323,12 @@ def drift_rows(subject: Subject, rate: float) -> list[tuple]:
             told = (line.freedom + 2, line.value, *line.interval(), line.level, _number(p[index]), _number(q[index]))
             rows.append((subject.robots[index], *subject.key, amount.name, *told, drifts))
     return rows
+
+
+def value_rows(subject: Subject, rate: float) -> list[tuple]:
+    """Rows of the recordings' table."""
+    order = ["robot", "parameter", "recording", "time", "value", "std"]
+    return [(robot, *subject.key, *rest) for robot, *rest in subject.values.select(order).iter_rows()]
 
 
 def _number(value: float) -> float | None:

@@ -19,11 +19,13 @@ from ._subjects import (
     EFFECT_SCHEMA,
     KEY,
     ROBOT_SCHEMA,
+    VALUE_SCHEMA,
     drift_rows,
     effect_rows,
     key_columns,
     robot_rows,
     subjects_of,
+    value_rows,
 )
 
 #: False discoveries among all that is told of robots and drifts.
@@ -47,6 +49,8 @@ class Summary:
     robots: pl.DataFrame
     #: One row a robot and each of these with five values or more: slope over time.
     drifts: pl.DataFrame
+    #: One row a recording and each of these that it names: what it says. `time` is in the unit that slopes are told by.
+    values: pl.DataFrame
     #: Recordings, robots, joints and tests behind it.
     counts: dict[str, int]
     #: The rate of false discoveries.
@@ -129,15 +133,20 @@ def of_rows(rows: pl.DataFrame, *, over: str = "date", rate: float = RATE, set_a
         "joints": rows.select("robot", "joint").n_unique(),
         "tests": int(np.sum(~np.isnan(q))),
     }
-    tables = [[row for subject in subjects for row in part(subject, rate)] for part in (effect_rows, robot_rows, drift_rows)]
-    effects, robots, drifts = (
-        pl.DataFrame(table, schema=schema, orient="row")
-        for table, schema in zip(tables, (EFFECT_SCHEMA, ROBOT_SCHEMA, DRIFT_SCHEMA))
+    effects, robots, drifts, values = (
+        pl.DataFrame([row for subject in subjects for row in part(subject, rate)], schema=schema, orient="row")
+        for part, schema in (
+            (effect_rows, EFFECT_SCHEMA),
+            (robot_rows, ROBOT_SCHEMA),
+            (drift_rows, DRIFT_SCHEMA),
+            (value_rows, VALUE_SCHEMA),
+        )
     )
     return Summary(
         effects=effects.sort("common", "share", descending=True, nulls_last=True),
         robots=robots.sort("robot", *KEY, "parameter"),
         drifts=drifts.sort("robot", *KEY, "parameter"),
+        values=values.sort("robot", *KEY, "parameter", "time"),
         counts=counts,
         rate=rate,
         clock=clock,
