@@ -252,7 +252,7 @@ impl FaultyLoop<'_> {
 
     fn command(&mut self, cycle: u64, sample: Option<&DriveSample>) -> Option<Command> {
         let asked = sample.map(|sample| self.state.sensor_sample(self.config, cycle, sample));
-        let answer = asked.map(|asked| self.controller.command(&asked));
+        let answer = asked.and_then(|asked| self.controller.command(&asked));
         if let Some(answer) = &answer {
             self.reference_rad = answer.reference_position_rad;
         }
