@@ -1,6 +1,8 @@
 //! `flexspline drives`, and a run with the EtherCAT driver, with virtual drives over a veth pair in a network namespace of its own.
 //! Where that is not allowed the tests say so and end.
 
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::process::{Command, Output, Stdio};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_flexspline");
@@ -85,7 +87,8 @@ fn bad_input_is_one_line_and_exit_code_2() {
 fn scan_and_check_tell_what_is_there() {
     let robot = "robots/ethercat_several_axes.toml";
     let act = format!(
-        "\"$F\" drives scan --interface veth0 && \"$F\" drives scan --interface veth0 --json - && \"$F\" drives check --robot {robot}"
+        "\"$F\" drives scan --interface veth0 && \"$F\" drives scan --interface veth0 --json - && \
+         \"$F\" drives check --robot {robot} --read 0x6079 --read 0x1008 --read 0x5000:1"
     );
     let Some(output) = with_drives(robot, 2, &act) else {
         return;
@@ -99,8 +102,80 @@ fn scan_and_check_tell_what_is_there() {
         "The drives fit the robot file.",
         "0.3720 Nm",
         "20 ms",
+        // 0x6085 of the virtual drive, and what was read beside: supply, name, an object it has not
+        "option 2",
+        "48000 = 0xbb80",
+        "FS-VD2",
+        "the drive refused with code 0x06020000",
     ] {
         assert!(told.contains(part), "{part}: {told}");
+    }
+}
+
+#[test]
+fn a_second_master_is_refused_and_the_first_goes_on() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let robot = "robots/ethercat_one_encoder.toml";
+    let record = folder.path().join("run.mcap");
+    let act = format!(
+        "{{ D=/tmp/flexspline-$(id -u)/ec-two; \"$F\" run --driver ethercat --robot {robot} --duration 120s --instance ec-two --record {} >/dev/null 2>&1 & first=$!; \
+         for i in $(seq 300); do grep -q '\"loop\"' $D/processes.json 2>/dev/null && grep -q flexspline-ethercat /proc/net/unix && break; \
+         sleep 0.1; done; \
+         \"$F\" drives check --robot {robot}; checked=$?; \"$F\" run --driver ethercat --robot {robot} --instance ec-three; ran=$?; \
+         kill -0 $first && echo goes on; kill -INT $first; wait $first; [ $checked = 2 ] && (exit $ran); }}",
+        record.display()
+    );
+    let Some(output) = with_drives(robot, 1, &act) else {
+        return;
+    };
+    let told = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    assert_eq!(told.lines().count(), 2, "{told}");
+    for line in told.lines() {
+        assert!(line.contains("another flexspline runs this bus"), "{line}");
+    }
+    assert!(text(&output.stdout).contains("goes on"), "{told}");
+}
+
+#[test]
+fn a_port_or_an_interface_without_permission_is_one_line() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let open = |path: &std::path::Path, mode| {
+        fs::set_permissions(path, fs::Permissions::from_mode(mode)).expect("our own file");
+    };
+    open(folder.path(), 0o755);
+    let place = folder.path().display();
+    let belt = fs::read_to_string(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/robots/moteus_belt.toml"
+    ));
+    let port = format!("ports = [\"{place}/port\"]");
+    let belt: String = belt
+        .expect("a robot file")
+        .lines()
+        .map(|line| if line.starts_with("ports =") { port.clone() } else { line.to_owned() } + "\n")
+        .collect();
+    fs::write(folder.path().join("belt.toml"), belt).expect("written");
+    // As nobody, who may read program and robot files, and neither open the port nor send frames.
+    let act = format!(
+        "install -m 755 \"$F\" {place}/program && cp robots/ethercat_one_encoder.toml {place}/one.toml && cd {place} && \
+         {{ ./program drives emulate moteus --robot belt.toml --link {place}/port >/dev/null & drives=$!; \
+         until [ -e port ]; do sleep 0.1; done; n='setpriv --reuid 65534 --regid 65534 --clear-groups'; \
+         $n ./program drives check --driver moteus --robot belt.toml; moteus=$?; $n ./program drives check --robot one.toml; \
+         ethercat=$?; kill -INT $drives; wait $drives; [ $moteus = 2 ] && exit $ethercat; }}"
+    );
+    let Some(output) = inside(&act) else {
+        return;
+    };
+    let told = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    let lines: Vec<&str> = told.lines().collect();
+    assert_eq!(lines.len(), 2, "{told}");
+    for line in lines {
+        assert!(
+            line.contains("permission") || line.contains("CAP_NET_RAW"),
+            "{line}"
+        );
     }
 }
 

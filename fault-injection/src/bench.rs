@@ -19,8 +19,8 @@ use shm_types::messages::{
 use virtual_drives::{BusFault, Kind, VirtualDrives, VirtualError};
 
 use crate::drive::FaultyDriver;
-use crate::outcome::{Account, Observed, Outcome};
-use crate::scenarios::{OrderDisturbance, Scenario};
+use crate::outcome::{Account, Observed, Outcome, SetUp};
+use crate::scenarios::{AtSetUp, OrderDisturbance, Scenario};
 use crate::service::FaultyService;
 
 /// 1.5 kHz.
@@ -127,6 +127,22 @@ impl Bench {
         }
         let names = &self.config.joint_names;
         Ok(account.finish(loop_.state.fault.map(|fault| fault.sentence(names))))
+    }
+
+    /// Looks for drives of which something is broken, as a run does before its loop begins.
+    ///
+    /// # Errors
+    /// [`BenchError`] where there are no such drives at all.
+    pub fn set_up(&self, broken: &AtSetUp) -> Result<SetUp, BenchError> {
+        let opened =
+            virtual_drives::open_broken(self.kind, &self.robot, &self.run, Some(broken.fault));
+        match opened {
+            Ok(_) => Ok(SetUp { refused: None }),
+            Err(VirtualError::Open(refused)) => Ok(SetUp {
+                refused: Some(refused.to_string()),
+            }),
+            Err(error) => Err(error.into()),
+        }
     }
 
     /// The drives' kind.
@@ -252,7 +268,7 @@ impl FaultyLoop<'_> {
 
     fn command(&mut self, cycle: u64, sample: Option<&DriveSample>) -> Option<Command> {
         let asked = sample.map(|sample| self.state.sensor_sample(self.config, cycle, sample));
-        let answer = asked.map(|asked| self.controller.command(&asked));
+        let answer = asked.and_then(|asked| self.controller.command(&asked));
         if let Some(answer) = &answer {
             self.reference_rad = answer.reference_position_rad;
         }

@@ -4,7 +4,7 @@ use serde::Serialize;
 use shm_types::messages::{DriveMode, LoopState, PerJoint};
 use virtual_drives::Kind;
 
-use crate::scenarios::Scenario;
+use crate::scenarios::{AtSetUp, Scenario};
 
 /// The account of one scenario.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -183,5 +183,23 @@ impl Account {
         self.outcome.samples_lost += u64::from(sample);
         self.outcome.commands_lost += u64::from(command);
         self.outcome.commands_refused += refused;
+    }
+}
+
+/// What came of drives that were looked for while something was broken.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SetUp {
+    /// The driver's line; `None` where it opened them.
+    pub refused: Option<String>,
+}
+
+impl SetUp {
+    /// Whether it is what the fault's documentation says, in one line.
+    pub fn is_as_documented(&self, broken: &AtSetUp) -> bool {
+        match (&self.refused, broken.refused) {
+            (Some(told), Some(part)) => told.contains(part) && told.lines().count() == 1,
+            (None, None) => true,
+            _ => false,
+        }
     }
 }

@@ -362,7 +362,7 @@ proptest! {
                 controller.take_estimate(estimate);
             }
         }
-        let last = (5000..5000 + RECOVERY_CYCLES).map(|cycle| controller.command(&good_sample(cycle))).last();
+        let last = (5000..5000 + RECOVERY_CYCLES).map(|cycle| controller.command(&good_sample(cycle))).last().flatten();
         let command = last.expect("answers");
         prop_assert!(command.motor_torque_nm[0].is_finite(), "{}", command.motor_torque_nm[0]);
     }

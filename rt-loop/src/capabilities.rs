@@ -43,6 +43,8 @@ pub struct JointCapabilities {
     pub watchdog: Option<Duration>,
     /// Its brake, where it has one.
     pub brake: Option<Brake>,
+    /// How a quick stop ends its motion, where it says so.
+    pub quick_stop: Option<QuickStop>,
     /// Bits of [`position`]: what its position is worth.
     pub position_validity: u32,
 }
@@ -54,6 +56,15 @@ pub struct Brake {
     pub release: Duration,
     /// From being told to the shaft being held.
     pub engage: Duration,
+}
+
+/// What a drive does when it is told to stop as fast as it can.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct QuickStop {
+    /// Joint side: how fast it slows down, where it does so on a ramp.
+    pub ramp_rad_s2: Option<f64>,
+    /// Its own number for the way it stops: CiA 402 object 0x605A.
+    pub option: Option<i16>,
 }
 
 /// Drives and robot file do not fit together. One line: what is wrong, where, and what to change.

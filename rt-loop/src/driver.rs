@@ -138,7 +138,7 @@ use shm_types::drive::DriveState;
 use shm_types::instance::RunConfig;
 use shm_types::messages::{DriveCommand, DriveSample};
 
-pub use crate::capabilities::{Brake, Capabilities, JointCapabilities, Mismatch};
+pub use crate::capabilities::{Brake, Capabilities, JointCapabilities, Mismatch, QuickStop};
 
 /// Readings of a joint may be so old and still count: its motion is seen through as many repeated samples (`joint_motion`).
 pub const AGE_MAX_CYCLES: u32 = 7;

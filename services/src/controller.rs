@@ -2,9 +2,11 @@
 
 use motion::Trajectory;
 use robot::Robot;
+use shm_types::control_options::Task;
 use shm_types::instance::{ControlMode, RunConfig};
 use shm_types::messages::{Command, SensorSample, TorqueEstimate};
 
+use crate::by_hand::ByHand;
 use crate::feedforward::{Feedforward, FeedforwardError};
 use crate::velocity_control::VelocityControl;
 
@@ -15,6 +17,10 @@ pub enum Controller {
     Torque(Box<Feedforward>),
     /// The reference's velocity, for the drives' own loops.
     Velocity(Box<VelocityControl>),
+    /// No torque, or one joint's until it moves.
+    ByHand(Box<ByHand>),
+    /// No command.
+    Silent,
 }
 
 impl Controller {
@@ -28,6 +34,14 @@ impl Controller {
         trajectory: Trajectory,
     ) -> Result<Self, FeedforwardError> {
         let period_s = run.period_ns as f64 * 1e-9;
+        match run.options.task {
+            Task::Follow => (),
+            Task::Rest => return Ok(Self::Silent),
+            Task::Release => return Ok(Self::ByHand(Box::new(ByHand::released(&robot)))),
+            Task::Nudge { joint } => {
+                return Ok(Self::ByHand(Box::new(ByHand::nudged(&robot, joint))));
+            }
+        }
         Ok(match run.control {
             ControlMode::Torque => Self::Torque(Box::new(Feedforward::new(
                 robot,
@@ -48,12 +62,14 @@ impl Controller {
         }
     }
 
-    /// The command that answers one sample. No allocation, no clock.
+    /// The command that answers one sample; `None` where none is meant to be sent. No allocation, no clock.
     #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
-    pub fn command(&mut self, sample: &SensorSample) -> Command {
+    pub fn command(&mut self, sample: &SensorSample) -> Option<Command> {
         match self {
-            Self::Torque(feedforward) => feedforward.command(sample),
-            Self::Velocity(velocity) => velocity.command(sample),
+            Self::Torque(feedforward) => Some(feedforward.command(sample)),
+            Self::Velocity(velocity) => Some(velocity.command(sample)),
+            Self::ByHand(by_hand) => Some(by_hand.command(sample)),
+            Self::Silent => None,
         }
     }
 }

@@ -60,7 +60,7 @@ pub fn run(instance: &Instance, stop: &AtomicBool) -> Result<(), FeedforwardProc
             if let Some(estimates) = &mut estimates {
                 estimates.hand_over(sample.header.cycle, &mut controller, stop);
             }
-            Some(controller.command(sample))
+            controller.command(sample)
         },
     };
     Ok(serve(&bus, &run, joint_count, service, stop)?)

@@ -6,6 +6,7 @@
 #![cfg_attr(rtsan, feature(sanitize))]
 
 pub mod answering;
+pub mod by_hand;
 pub mod compensation;
 pub mod controller;
 pub mod correction;

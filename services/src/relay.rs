@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use recording::{Header, JointCycle, JointTruth, LoopCycle};
 use robot::Robot;
-use shm_types::control_options::{ControlOptions, FrictionVelocity, StiffnessTorque};
+use shm_types::control_options::{ControlOptions, FrictionVelocity, StiffnessTorque, Task};
 use shm_types::instance::{ControlMode, Mode, RunConfig};
 use shm_types::messages::{Command, LoopStatus, PlantTruth, SensorSample, TorqueEstimate};
 use shm_types::topics::RELAY_BUFFER;
@@ -160,6 +160,8 @@ pub fn recorded_control(metadata: &BTreeMap<String, String>) -> (ControlMode, Co
         .get("correction")
         .and_then(|gain| gain.parse().ok());
     options.correction_gain = gain.unwrap_or_default();
+    let task = metadata.get("task").and_then(|name| Task::from_name(name));
+    options.task = task.unwrap_or_default();
     (control, options)
 }
 
@@ -190,6 +192,9 @@ pub fn recording_header(run: &RunConfig, robot: &Robot) -> Header {
         ]
         .map(|(key, value)| (key.to_owned(), value)),
     );
+    if run.options.task != Task::Follow {
+        metadata.insert("task".to_owned(), run.options.task.name());
+    }
     if let Some(path) = &run.inject {
         metadata.insert("inject".to_owned(), path.display().to_string());
     }
@@ -307,9 +312,14 @@ mod tests {
             friction_velocity: FrictionVelocity::Measured,
             stiffness_torque: StiffnessTorque::Torsion,
             correction_gain: 0.25,
+            task: Task::Nudge { joint: 3 },
+        };
+        let released = ControlOptions {
+            task: Task::Release,
+            ..ControlOptions::default()
         };
         for control in [ControlMode::Torque, ControlMode::Velocity] {
-            for options in [options, ControlOptions::default()] {
+            for options in [options, released, ControlOptions::default()] {
                 let header = recording_header(&run(control, options), &robot);
                 assert_eq!(recorded_control(&header.metadata), (control, options));
             }

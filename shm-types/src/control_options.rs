@@ -1,4 +1,4 @@
-//! What torque control may do beyond the papers' way.
+//! What torque control may do beyond the papers' way, and before a trajectory may be followed.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +12,50 @@ pub struct ControlOptions {
     pub stiffness_torque: StiffnessTorque,
     /// Share of the model error seen by the torque estimator that is fed forward, 0 to 1; 0 is none.
     pub correction_gain: f64,
+    /// What the joints are asked for.
+    #[serde(default)]
+    pub task: Task,
+}
+
+/// What the joints are asked for: their trajectory, or what commissioning needs before that.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Task {
+    /// To follow the trajectory.
+    #[default]
+    Follow,
+    /// Nothing: no command is sent, so the brakes stay closed.
+    Rest,
+    /// No torque: the brakes are open, and the joints are moved from outside.
+    Release,
+    /// One joint's torque grows until the joint moves, first one way, then the other; the others get none.
+    Nudge {
+        /// Its index in the robot's order.
+        joint: usize,
+    },
+}
+
+impl Task {
+    /// Its name in recordings; a joint stands behind it.
+    pub fn name(self) -> String {
+        match self {
+            Self::Follow => "follow".to_owned(),
+            Self::Rest => "rest".to_owned(),
+            Self::Release => "release".to_owned(),
+            Self::Nudge { joint } => format!("nudge {joint}"),
+        }
+    }
+
+    /// The task that a recording names.
+    pub fn from_name(name: &str) -> Option<Self> {
+        match name.split_once(' ') {
+            None => [Self::Follow, Self::Rest, Self::Release]
+                .into_iter()
+                .find(|task| task.name() == name),
+            Some(("nudge", joint)) => joint.parse().ok().map(|joint| Self::Nudge { joint }),
+            Some(_) => None,
+        }
+    }
 }
 
 /// The velocity that friction is fed forward on.

@@ -15,9 +15,11 @@ Examples:
   flexspline run --robot shd17 --duration 5s         the single test joint
   flexspline run --mode lockstep --record run.mcap   as fast as it goes, the same bytes every time
   flexspline run --inject gap.toml --json out.json   with effects added to the plant
+  flexspline run --commission --driver ethercat --robot arm.toml   new drives, step by step, to the first small sine
 
 Ctrl-C stops cleanly: brakes first, then the services, then the recording is closed.
-Exit code: 0 done, 1 the loop stopped for safety or a process could not be kept alive, 2 bad input.")]
+Exit code: 0 done, 1 the loop stopped for safety, a process could not be kept alive or a step of --commission was not passed,
+2 bad input.")]
 pub struct RunArguments {
     /// Robot: pa10, shd17, or a robot file
     #[arg(long, default_value = "pa10", value_name = "NAME|FILE")]
@@ -67,6 +69,18 @@ pub struct RunArguments {
     /// File of effects to add to the emulated plant, and of pushes from outside
     #[arg(long, value_name = "FILE")]
     pub inject: Option<PathBuf>,
+    /// Try new drives step by step, each confirmed at the terminal; with =STEP that step alone, once all before it are passed
+    ///
+    /// The steps, in their order: scan, check, brakes-closed, brakes-open, zero-torque, sign, limits, emergency-stop,
+    /// operator-stop, first-torque, sine. Nothing gets torque before first-torque. What was passed is kept beside the robot
+    /// file, and a walk that was ended goes on where it stood; a robot file that has changed begins again. --json writes the
+    /// same and what was refused. docs/commissioning.md says what each step is for.
+    #[arg(long, value_name = "STEP", num_args = 0..=1, require_equals = true, default_missing_value = "", hide_default_value = true,
+          conflicts_with_all = ["record", "duration", "mode", "trajectory"])]
+    pub commission: Option<String>,
+    /// Where --commission keeps what was passed; ROBOT.commission.json beside the robot file if not given
+    #[arg(long, value_name = "FILE", requires = "commission")]
+    pub commission_file: Option<PathBuf>,
     /// Recording to write; recordings/ROBOT-TRAJECTORY-TIME.mcap if not given
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,

@@ -3,7 +3,7 @@
 use comfy_table::{CellAlignment, Table, presets};
 
 use super::processes::{Ending, ProcessOutcome};
-use super::virtual_time::{OnDrives, VirtualOutcome};
+use super::virtual_time::{OnDrives, SetUpOutcome, VirtualOutcome};
 
 fn plain(header: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Table {
     let mut table = Table::new();
@@ -78,6 +78,10 @@ pub fn virtual_time(drives: &[OnDrives]) -> Vec<String> {
             markdown(&header, on.of_the_bus.iter().map(bus_row))
         )
     });
+    let at_set_up = || {
+        let rows = buses().flat_map(|on| on.at_set_up.iter().map(|of| set_up_row(on.drives, of)));
+        left(&["drives", "broken at set-up", "what is told"], rows)
+    };
     let pulled = || {
         let header = [
             "cables pulled",
@@ -95,7 +99,7 @@ pub fn virtual_time(drives: &[OnDrives]) -> Vec<String> {
         .into_iter()
         .chain(beside())
         .chain(of_buses)
-        .chain([pulled()])
+        .chain([at_set_up(), pulled()])
         .collect()
 }
 
@@ -141,6 +145,19 @@ fn bus_row(of: &VirtualOutcome) -> Vec<String> {
         format!("{:.1}", outcome.excursion_rad * 1e3),
         outcome.samples_lost.to_string(),
     ]
+}
+
+fn set_up_row(drives: &str, of: &SetUpOutcome) -> Vec<String> {
+    let told = of.outcome.refused.clone();
+    let told = told.map_or_else(
+        || "nothing: they are opened".to_owned(),
+        |line| format!("`{line}`"),
+    );
+    let told = match of.as_documented {
+        true => told,
+        false => format!("{told} (not as documented)"),
+    };
+    vec![drives.to_owned(), of.fault.to_owned(), told]
 }
 
 fn pulls_row(on: &OnDrives) -> Option<Vec<String>> {

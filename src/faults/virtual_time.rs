@@ -1,7 +1,7 @@
 //! Faults in virtual time: every figure comes out the same every time.
 
 use fault_injection::bench::Bench;
-use fault_injection::outcome::Outcome;
+use fault_injection::outcome::{Outcome, SetUp};
 use fault_injection::pulls::{Pulls, pull};
 use fault_injection::scenarios::{self, Scenario};
 use serde::Serialize;
@@ -29,6 +29,19 @@ pub struct VirtualOutcome {
     pub outcome: Outcome,
 }
 
+/// What came of looking for drives of which something is broken.
+#[derive(Debug, Serialize)]
+pub struct SetUpOutcome {
+    /// Its name.
+    #[serde(rename = "name")]
+    pub fault: &'static str,
+    /// Whether it is as documented.
+    pub as_documented: bool,
+    /// The account.
+    #[serde(flatten)]
+    pub outcome: SetUp,
+}
+
 /// Every fault on drives of one kind.
 #[derive(Debug, Serialize)]
 pub struct OnDrives {
@@ -38,6 +51,8 @@ pub struct OnDrives {
     pub around_the_loop: Vec<VirtualOutcome>,
     /// On the bus and in its drives.
     pub of_the_bus: Vec<VirtualOutcome>,
+    /// What is broken when the drives are looked for, before a run.
+    pub at_set_up: Vec<SetUpOutcome>,
     /// Cables pulled, where there are any.
     pub pulls: Option<Pulls>,
 }
@@ -47,9 +62,14 @@ impl OnDrives {
     pub fn wrong(&self) -> impl Iterator<Item = String> {
         let outcomes = self.around_the_loop.iter().chain(&self.of_the_bus);
         let wrong = outcomes.filter(|outcome| !outcome.as_documented);
+        let set_up = self
+            .at_set_up
+            .iter()
+            .filter(|outcome| !outcome.as_documented);
         let never = self.pulls.iter().any(|pulls| pulls.never > 0);
         wrong
             .map(|outcome| format!("{} on {}", outcome.fault, self.drives))
+            .chain(set_up.map(|outcome| format!("at set-up, {} on {}", outcome.fault, self.drives)))
             .chain(never.then(|| format!("cable pulls on {}", self.drives)))
     }
 }
@@ -93,6 +113,17 @@ fn on_drives(arguments: &FaultsArguments, kind: Kind) -> Result<OnDrives, CliErr
         of_the_bus: scenarios::of_bus(kind, bench.robot())
             .into_iter()
             .map(outcome)
+            .collect::<Result<_, CliError>>()?,
+        at_set_up: scenarios::at_set_up(kind, bench.robot())
+            .iter()
+            .map(|broken| {
+                let outcome = bench.set_up(broken).map_err(CliError::input)?;
+                Ok(SetUpOutcome {
+                    fault: broken.name,
+                    as_documented: outcome.is_as_documented(broken),
+                    outcome,
+                })
+            })
             .collect::<Result<_, CliError>>()?,
         pulls,
     })

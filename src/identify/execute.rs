@@ -314,6 +314,8 @@ impl<'a> Rig<'a> {
             mode: ModeArgument::Realtime,
             plant: None,
             inject: self.injection_file(experiment)?,
+            commission: None,
+            commission_file: None,
             record: Some(unfinished.path.clone()),
             json: None,
             instance: self.arguments.instance.clone(),

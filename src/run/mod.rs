@@ -1,5 +1,6 @@
 //! `flexspline run`: checks the input, starts an instance, watches it, reports.
 
+mod commission;
 mod progress;
 mod report;
 
@@ -44,6 +45,9 @@ const COMMAND_DEADLINE_PERCENT: u64 = 75;
 /// # Errors
 /// [`CliError::Input`] before anything was started, [`CliError::Negative`] if the run ended badly.
 pub fn run(arguments: &RunArguments) -> Result<(), CliError> {
+    if let Some(step) = &arguments.commission {
+        return commission::commission(arguments, step);
+    }
     let plan = Plan::new(arguments)?;
     let stop = stop_on_signals()?;
     let (report, ended) = execute(plan, &stop)?;
@@ -312,6 +316,7 @@ fn control_options(arguments: &RunArguments) -> ControlOptions {
         friction_velocity: arguments.friction_velocity.into(),
         stiffness_torque: arguments.stiffness_torque.into(),
         correction_gain: arguments.correction,
+        ..ControlOptions::default()
     }
 }
 

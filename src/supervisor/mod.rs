@@ -15,7 +15,7 @@ use realtime::cores::{KeptOff, start_on};
 use realtime::process::{bind_to_parent, user_id};
 use shm_types::bus::{Bus, BusError, Reader};
 use shm_types::instance::{Instance, InstanceError, Mode, RunConfig};
-use shm_types::messages::{LastCycle, LoopStatus};
+use shm_types::messages::{LastCycle, LoopStatus, SensorSample};
 use shm_types::roster::{self, Member};
 use shm_types::topics::{self, Role};
 
@@ -306,6 +306,24 @@ impl Supervisor {
     /// The loop's newest status, if there is one since the last look.
     pub fn newest_status(&self) -> Option<LoopStatus> {
         self.status.take_newest()
+    }
+
+    /// The loop's oldest status that was not looked at yet.
+    pub fn next_status(&self) -> Option<LoopStatus> {
+        self.status.take()
+    }
+
+    /// The loop's samples, as observers hear them.
+    ///
+    /// # Errors
+    /// [`BusError`] if observers have all the places.
+    pub fn samples(&self) -> Result<Reader<SensorSample>, BusError> {
+        self.bus.reader(&topics::OBSERVED_SAMPLE)
+    }
+
+    /// Stops the loop, as an operator's order does, at the next [`watch`](Self::watch).
+    pub fn emergency_stop(&mut self) {
+        self.operator.emergency_stop();
     }
 
     /// The number of a stop, from 1, and the loop's last cycles before it, once they are all there.

@@ -40,6 +40,11 @@ impl Operator {
         })
     }
 
+    /// Orders a stop from here on, until an operator resets it.
+    pub fn emergency_stop(&mut self) {
+        self.emergency_stop = true;
+    }
+
     /// Takes what operators ask for and tells the loop.
     pub fn pass_on(&mut self) {
         while let Some(request) = self.requests.take() {

@@ -227,7 +227,7 @@ pub fn simulate_drives(
             .as_ref()
             .ok()
             .map(|latched| state.sensor_sample(&config, cycle, latched));
-        let command = sample.map(|sample| controller.command(&sample));
+        let command = sample.and_then(|sample| controller.command(&sample));
         let estimate = sample.map(|sample| estimators.estimate(&sample));
         if let Some(estimate) = estimate {
             controller.take_estimate(estimate);

@@ -64,6 +64,13 @@ pub enum Fault {
         /// How long.
         for_ns: u64,
     },
+    /// A slave takes requests into its mailbox and answers none.
+    MailboxSilent {
+        /// Which slave.
+        slave: usize,
+        /// How long.
+        for_ns: u64,
+    },
 }
 
 /// A fault and when it comes, counted from the moment all slaves were first in OP.
@@ -76,7 +83,7 @@ pub struct TimedFault {
 }
 
 /// Kinds by name, with the keys of each.
-const KINDS: [(&str, &[&str]); 9] = [
+const KINDS: [(&str, &[&str]); 10] = [
     ("cable-out", &["after", "for"]),
     ("frame-lost", &["count"]),
     ("frame-doubled", &["count"]),
@@ -86,6 +93,7 @@ const KINDS: [(&str, &[&str]); 9] = [
     ("drive-fault", &["joint", "code", "for"]),
     ("brown-out", &["slave", "for"]),
     ("dc-lost", &["slave", "for"]),
+    ("mailbox-silent", &["slave", "for"]),
 ];
 
 impl FromStr for TimedFault {
@@ -143,7 +151,11 @@ impl FromStr for TimedFault {
                 slave: index("slave")?,
                 for_ns: time("for", "100ms")?,
             },
-            _ => Fault::DcLost {
+            "dc-lost" => Fault::DcLost {
+                slave: index("slave")?,
+                for_ns: time("for", "1s")?,
+            },
+            _ => Fault::MailboxSilent {
                 slave: index("slave")?,
                 for_ns: time("for", "1s")?,
             },

@@ -34,6 +34,7 @@ enum Ending {
     Cause { joint: usize },
     BrownOut { slave: usize },
     DcLost { slave: usize },
+    MailboxSilent { slave: usize },
 }
 
 /// What is broken at the moment.
@@ -384,6 +385,12 @@ impl Segment {
                     slave.cut_sync(true);
                 }
             }
+            Fault::MailboxSilent { slave, for_ns } => {
+                ends(for_ns, Ending::MailboxSilent { slave });
+                if let Some(slave) = self.slaves.get_mut(slave) {
+                    slave.silence_mailbox(true);
+                }
+            }
         }
         self.show_ports();
     }
@@ -396,6 +403,11 @@ impl Segment {
             Ending::DcLost { slave } => {
                 if let Some(slave) = self.slaves.get_mut(slave) {
                     slave.cut_sync(false);
+                }
+            }
+            Ending::MailboxSilent { slave } => {
+                if let Some(slave) = self.slaves.get_mut(slave) {
+                    slave.silence_mailbox(false);
                 }
             }
         }

@@ -212,7 +212,8 @@ fn check_faults(faults: &[TimedFault], slaves: usize, joints: usize) -> Result<(
             Fault::CounterShort { slave, .. }
             | Fault::SlaveReset { slave }
             | Fault::BrownOut { slave, .. }
-            | Fault::DcLost { slave, .. } => ("slave", slave, slaves),
+            | Fault::DcLost { slave, .. }
+            | Fault::MailboxSilent { slave, .. } => ("slave", slave, slaves),
             Fault::DriveFault { joint, .. } => ("joint", joint, joints),
             Fault::FrameLost { .. } | Fault::FrameDoubled { .. } | Fault::FrameDelayed { .. } => {
                 continue;

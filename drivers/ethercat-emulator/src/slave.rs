@@ -100,6 +100,7 @@ pub struct Slave {
     was_in_process_data: bool,
     /// SYNC0 does not reach the drive.
     sync_cut: bool,
+    mailbox_silent: bool,
 }
 
 impl Slave {
@@ -132,6 +133,7 @@ impl Slave {
             sync_error_count: 0,
             was_in_process_data: false,
             sync_cut: false,
+            mailbox_silent: false,
         };
         slave.show_state(0);
         slave
@@ -166,6 +168,15 @@ impl Slave {
         self.sync_cut = cut;
     }
 
+    /// Requests in the mailbox are left where they are, or taken up again.
+    pub fn silence_mailbox(&mut self, silent: bool) {
+        self.mailbox_silent = silent;
+        if !silent && self.state >= PRE_OP && !self.server.is_busy() {
+            self.mailbox();
+            self.hand_out_answer();
+        }
+    }
+
     /// A value of its dictionary.
     pub fn object(&self, index: u16, sub_index: u8) -> i64 {
         self.dictionary.number(index, sub_index)
@@ -189,7 +200,7 @@ impl Slave {
             self.al_control(now_ns);
         }
         // A request stays in the mailbox while answers wait to be fetched.
-        let asked = events.mailbox_request || events.answer_fetched;
+        let asked = (events.mailbox_request || events.answer_fetched) && !self.mailbox_silent;
         if asked && self.state >= PRE_OP && !self.server.is_busy() {
             self.mailbox();
         }

@@ -36,6 +36,12 @@ pub enum ClientError {
         /// What was asked for.
         register: u16,
     },
+    /// The slave took a request and does not answer it.
+    #[error("slave {station:#06x} has not answered an SDO within {} s; take its supply away and give it back", MAILBOX_NS / 1_000_000_000)]
+    NoSdo {
+        /// Its address.
+        station: u16,
+    },
     /// The slave has no mailbox that is set up.
     #[error("slave {station:#06x} has no mailbox for SDOs")]
     NoMailbox {
@@ -293,10 +299,7 @@ impl Client {
                 return Ok(body);
             }
         }
-        Err(ClientError::NotServed {
-            station,
-            register: answer.0,
-        })
+        Err(ClientError::NoSdo { station })
     }
 
     fn fetch(

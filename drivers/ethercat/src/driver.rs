@@ -446,6 +446,7 @@ impl Driver for EthercatDriver {
                     motor_position_step_rad: Some(core::f64::consts::TAU / axis.encoder.counts_turn),
                     watchdog: slave.watchdog,
                     brake: joint.brake,
+                    quick_stop: Some(axis.quick_stop),
                     position_validity: joint.validity(),
                 }
             })

@@ -9,6 +9,9 @@ use serde::Deserialize;
 /// Watchdog of the drives where the robot file is silent: a fifth of the loop's longest, a dozen cycles of 1.5 kHz.
 const WATCHDOG_MS: f64 = 20.0;
 
+/// Those that stop the motor and end without torque (IEC 61800-7-201, 0x605a). 0 lets it run out; those from 5 on hold on.
+const QUICK_STOP_OPTIONS: std::ops::RangeInclusive<i16> = 1..=4;
+
 /// The `[drive]` table.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -68,6 +71,10 @@ pub struct JointTable {
     /// Whether the counts stand for the joint's angle: an absolute encoder, or one that was homed.
     #[serde(default)]
     pub homed: bool,
+    /// How fast a quick stop slows the joint down, joint side; the drive's own if not given.
+    pub quick_stop_rad_s2: Option<f64>,
+    /// How a quick stop stops (0x605a); if not given the quick stop ramp, where the drive has a choice.
+    pub quick_stop_option: Option<i16>,
 }
 
 /// Both, checked.
@@ -145,6 +152,21 @@ fn check(table: &JointTable, place: &str) -> Result<(), OpenError> {
     if table.encoder_counts == Some(0) || table.link_encoder_counts == Some(0) {
         return wrong("an encoder has 0 counts a turn; give what its manual says".to_owned());
     }
+    if let Some(ramp_rad_s2) = table.quick_stop_rad_s2
+        && !(ramp_rad_s2.is_finite() && ramp_rad_s2 > 0.0)
+    {
+        return wrong(format!(
+            "quick_stop_rad_s2 = {ramp_rad_s2}; it must be positive"
+        ));
+    }
+    if let Some(option) = table.quick_stop_option
+        && !QUICK_STOP_OPTIONS.contains(&option)
+    {
+        return wrong(format!(
+            "quick_stop_option = {option}; give 1 (slow down ramp), 2 (quick stop ramp), 3 (current limit) or 4 (voltage limit), \
+             after which a drive is without torque"
+        ));
+    }
     match table.rated_torque_nm {
         Some(rated_nm) if !(rated_nm.is_finite() && rated_nm > 0.0) => {
             wrong(format!("rated_torque_nm = {rated_nm}; it must be positive"))
@@ -217,6 +239,12 @@ mod tests {
                 "must be positive",
             ),
             ("interface = \"a\"", "slav = 1", "did you mean `slave`"),
+            (
+                "interface = \"a\"",
+                "quick_stop_rad_s2 = 0.0",
+                "quick_stop_rad_s2 = 0",
+            ),
+            ("interface = \"a\"", "quick_stop_option = 6", "give 1 (slow"),
         ];
         for (bus, joint, part) in cases {
             let error = Settings::of(&robot(bus, joint))

@@ -1,5 +1,6 @@
 //! Opening the bus: who is there, whether they are the robot's drives, their settings written and read back, SAFE-OP.
 
+use core::f64::consts::TAU;
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::net::{SocketAddr, UnixListener};
 use std::time::Duration;
@@ -8,7 +9,7 @@ use ethercat_wire::frame::{u16_at, u32_at, u64_at};
 use ethercat_wire::link::{Cable, Link};
 use ethercat_wire::socket::{RawSocket, SocketError};
 use robot::Robot;
-use rt_loop::driver::OpenError;
+use rt_loop::driver::{OpenError, QuickStop};
 
 use crate::client::{Client, ClientError};
 use crate::image::{AXIS_OFFSET, InputFields, Mapped, OutputFields};
@@ -31,6 +32,10 @@ const AXES_MAX: u8 = 8;
 const MAPPING_OFFSET: u16 = 0x10;
 /// What is told of both sides may differ so much: rated torque has whole mNm, files have few digits.
 const RATED_SHARE: f64 = 0.02;
+/// Quick stop option (0x605a): down the quick stop ramp, then without torque.
+const QUICK_STOP_RAMP: i16 = 2;
+/// A quick stop ramp that is read back may differ by what a file's digits leave.
+const RAMP_SHARE: f64 = 1e-3;
 /// How far two encoders of a joint may disagree at start: a gear's windup is a hundredth of that.
 const ENCODERS_APART_RAD: f64 = 0.1;
 /// Datagrams of start-up and of the channel beside the cycle have these numbers, the cycle's have others.
@@ -76,6 +81,8 @@ pub struct Axis {
     pub modes: u32,
     /// Whether counts stand for the joint's angle.
     pub homed: bool,
+    /// How it stops, read back.
+    pub quick_stop: QuickStop,
 }
 
 /// The bus in SAFE-OP, ready to run.
@@ -389,7 +396,7 @@ fn write_mapping(client: &mut Client, device: &Device, axes: u8) -> Result<(), O
     Ok(())
 }
 
-/// Synchronisation type, period, and what a quick stop ends in.
+/// Synchronisation type and period.
 fn synchronise(
     client: &mut Client,
     device: &Device,
@@ -410,8 +417,6 @@ fn synchronise(
         let (value, index) = interpolation_period(period_ns);
         optional(client.download(station, at(0x60c2), 1, &[value]))?;
         optional(client.download(station, at(0x60c2), 2, &index.to_le_bytes()))?;
-        // down the ramp, then without torque: a stop that ends
-        optional(client.download(station, at(0x605a), 0, &2_i16.to_le_bytes()))?;
     }
     Ok(())
 }
@@ -486,6 +491,7 @@ impl Place<'_> {
         let output_fields = OutputFields::of(&mapping(0x1c12)?, self.axis).map_err(missing)?;
         let input_fields = InputFields::of(&mapping(0x1c13)?, self.axis).map_err(missing)?;
         let encoder = self.encoder(client)?;
+        let quick_stop = self.quick_stop(client, &encoder)?;
         let link_encoder = self.link_encoder(client, input_fields.link_position.is_some())?;
         Ok(Axis {
             slave,
@@ -497,6 +503,55 @@ impl Place<'_> {
             torque: self.torque(client)?,
             modes: self.number(client, 0x6502, 0)?,
             homed: self.table.homed,
+            quick_stop,
+        })
+    }
+
+    /// Ramp and option, written where the robot file says so, and read back.
+    fn quick_stop(&self, client: &mut Client, encoder: &Encoder) -> Result<QuickStop, OpenError> {
+        let station = self.device.station;
+        let at = |index: u16| index + AXIS_OFFSET * u16::from(self.axis);
+        // Down the ramp, then without torque: a stop that ends. A drive that has no choice refuses what nobody asked for.
+        let option = self.table.quick_stop_option.unwrap_or(QUICK_STOP_RAMP);
+        optional(client.download(station, at(0x605a), 0, &option.to_le_bytes()))?;
+        let read_option = self.optional(client, 0x605a, 0)?.map(|raw| raw as i16);
+        if let Some(asked) = self.table.quick_stop_option
+            && read_option != Some(asked)
+        {
+            let has = read_option.map_or("has none".to_owned(), |option| format!("keeps {option}"));
+            return Err(self.told(format!(
+                "the drive {has} as its quick stop option (0x605a), the robot file says quick_stop_option = {asked}; leave it out, or \
+                 set the drive"
+            )));
+        }
+        let counts_rad = self.robot.joints[self.joint].gear_ratio * encoder.counts_turn / TAU;
+        if let Some(ramp_rad_s2) = self.table.quick_stop_rad_s2 {
+            let counts_s2 = (ramp_rad_s2 * counts_rad)
+                .round()
+                .clamp(1.0, f64::from(u32::MAX)) as u32;
+            optional(client.download(station, at(0x6085), 0, &counts_s2.to_le_bytes()))?;
+        }
+        let read_rad_s2 = self
+            .optional(client, 0x6085, 0)?
+            .map(|counts_s2| f64::from(counts_s2) / counts_rad);
+        if let Some(asked_rad_s2) = self.table.quick_stop_rad_s2 {
+            // A count a second squared, or the digits of a file.
+            let tolerance_rad_s2 = (1.0 / counts_rad).max(RAMP_SHARE * asked_rad_s2);
+            let fits =
+                read_rad_s2.is_some_and(|read| (read - asked_rad_s2).abs() <= tolerance_rad_s2);
+            if !fits {
+                let has = read_rad_s2.map_or("has none".to_owned(), |read| {
+                    format!("keeps {read:.3} rad/s²")
+                });
+                return Err(self.told(format!(
+                    "the drive {has} as its quick stop ramp (0x6085, joint side), the robot file says quick_stop_rad_s2 = \
+                     {asked_rad_s2}; leave it out, or set the drive"
+                )));
+            }
+        }
+        Ok(QuickStop {
+            ramp_rad_s2: read_rad_s2,
+            option: read_option,
         })
     }
 

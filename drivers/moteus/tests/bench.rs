@@ -5,6 +5,8 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::fs::File;
+use std::io::{Read, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::thread::{self, JoinHandle};
@@ -459,6 +461,34 @@ fn what_does_not_fit_is_told_before_anything_moves() {
         ..rig.run_config()
     };
     assert!(rig.open_with(&lockstep).is_err());
+}
+
+#[test]
+fn two_drives_with_one_id_are_told_before_anything_moves() {
+    let rig = Rig::new("pa10", 1, true, &[]);
+    let ports = rig.robot.drive.as_ref().unwrap()["ports"]
+        .as_array()
+        .unwrap();
+    let port = ports[0].as_str().unwrap();
+    // Drive 2 is told over its diagnostic channel, as moteus_tool does it, that it is drive 1, and says OK.
+    let text = b"conf set id.id 1\n";
+    let hex: String = text.iter().map(|byte| format!("{byte:02x}")).collect();
+    let line = format!("can send 8002 4001{:02x}{hex}\n", text.len());
+    let mut opened = File::options().read(true).write(true).open(port).unwrap();
+    opened.write_all(line.as_bytes()).unwrap();
+    let mut answered = Vec::new();
+    while !answered.ends_with(b"4101044F4B0D0A\r\n") {
+        let mut byte = [0];
+        opened.read_exact(&mut byte).unwrap();
+        answered.extend(byte);
+    }
+    drop(opened);
+    let told = rig.told();
+    assert!(
+        told.contains("two drives answer to id 1") && told.contains("id.id"),
+        "{told}"
+    );
+    assert_eq!(told.lines().count(), 1, "{told}");
 }
 
 #[test]

@@ -22,6 +22,9 @@ const ROUND_TRIP_NS: u64 = 50_000;
 /// Frames that wait for a place that does not take them: more than any socket holds.
 const WAITING_MAX: usize = 256;
 
+/// How a joint's drive stops is the robot file's on virtual drives too.
+const STOPS: [&str; 2] = ["quick_stop_rad_s2", "quick_stop_option"];
+
 /// A frame on its way back, and when it is there.
 type Coming = (u64, Vec<u8>);
 
@@ -125,11 +128,21 @@ pub struct Ethercat {
 
 impl Ethercat {
     /// A slave for each joint, powered up, in SAFE-OP.
-    pub fn open(robot: &Robot, run: &RunConfig) -> Result<Self, VirtualError> {
-        Self::open_as(robot, run, Options::for_joints(robot.joints.len()))
+    pub fn open(
+        robot: &Robot,
+        run: &RunConfig,
+        broken: Option<BusFault>,
+    ) -> Result<Self, VirtualError> {
+        let options = Options::for_joints(robot.joints.len());
+        Self::open_as(robot, run, options, broken)
     }
 
-    fn open_as(robot: &Robot, run: &RunConfig, options: Options) -> Result<Self, VirtualError> {
+    fn open_as(
+        robot: &Robot,
+        run: &RunConfig,
+        options: Options,
+        broken: Option<BusFault>,
+    ) -> Result<Self, VirtualError> {
         let parameters = PlantParameters::for_robot(robot)?;
         let options = Options {
             rate_hz: 1e9 / run.period_ns as f64,
@@ -142,10 +155,19 @@ impl Ethercat {
             now_ns: 0,
             places: Vec::new(),
         })));
+        if let Some(BusFault::Ethercat(fault)) = broken {
+            memory.line().segment.inject(fault, 0);
+        }
         let mut robot = robot.clone();
         robot.drive = Some(table("interface = \"virtual\"")?);
         for joint in &mut robot.joints {
-            joint.drive = Some(table("homed = true")?);
+            let mut drive = table("homed = true")?;
+            let own = joint.drive.take().unwrap_or_default();
+            drive.extend(
+                own.into_iter()
+                    .filter(|(key, _)| STOPS.contains(&key.as_str())),
+            );
+            joint.drive = Some(drive);
         }
         let context = OpenContext {
             run,
@@ -267,7 +289,8 @@ mod tests {
                 clock_error_ppm,
                 ..Options::for_joints(7)
             };
-            let mut bus = Ethercat::open_as(&robot, &run_config(7), options).expect("it opens");
+            let mut bus =
+                Ethercat::open_as(&robot, &run_config(7), options, None).expect("it opens");
             let mut epoch_ns = bus.now_ns();
             let (mut locked_at, mut furthest_ns) = (None, 0);
             // Ten seconds; at 50 ppm three quarters of a period go by in them.

@@ -86,7 +86,7 @@ pub trait VirtualDrives: Driver {
 }
 
 /// Drives of a kind for a robot standing where the run begins, opened by their driver. The drives' tables of the robot file
-/// are replaced by those of the virtual drives.
+/// are replaced by those of the virtual drives, but for how they stop.
 ///
 /// # Errors
 /// [`VirtualError`].
@@ -95,9 +95,23 @@ pub fn open(
     robot: &Robot,
     run: &RunConfig,
 ) -> Result<Box<dyn VirtualDrives>, VirtualError> {
+    open_broken(kind, robot, run, None)
+}
+
+/// As [`open`], with something that is broken already when the driver begins to look for its drives. What is of another bus
+/// does nothing.
+///
+/// # Errors
+/// [`VirtualError`].
+pub fn open_broken(
+    kind: Kind,
+    robot: &Robot,
+    run: &RunConfig,
+    broken: Option<BusFault>,
+) -> Result<Box<dyn VirtualDrives>, VirtualError> {
     Ok(match kind {
         Kind::Emulator => Box::new(emulator::Emulated::new(robot, run)?),
-        Kind::Ethercat => Box::new(ethercat::Ethercat::open(robot, run)?),
-        Kind::Moteus => Box::new(moteus::Moteus::open(robot, run)?),
+        Kind::Ethercat => Box::new(ethercat::Ethercat::open(robot, run, broken)?),
+        Kind::Moteus => Box::new(moteus::Moteus::open(robot, run, broken)?),
     })
 }

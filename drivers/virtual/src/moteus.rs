@@ -125,7 +125,11 @@ pub struct Moteus {
 
 impl Moteus {
     /// Drives that were looked at and stand still.
-    pub fn open(robot: &Robot, run: &RunConfig) -> Result<Self, VirtualError> {
+    pub fn open(
+        robot: &Robot,
+        run: &RunConfig,
+        broken: Option<BusFault>,
+    ) -> Result<Self, VirtualError> {
         let buses = robot.joints.len().div_ceil(JOINTS_ON_BUS);
         let setup = Setup {
             initial_position_rad: run.initial_position_rad.clone(),
@@ -134,7 +138,10 @@ impl Moteus {
             seed: run.seed,
             faults: Vec::new(),
         };
-        let bench = Bench::new(robot, &setup)?;
+        let mut bench = Bench::new(robot, &setup)?;
+        if let Some(BusFault::Moteus(kind, for_ns)) = broken {
+            bench.inject(kind, for_ns);
+        }
         let mut robot = robot.clone();
         let ports: Vec<String> = (0..buses).map(|bus| format!("\"{PORT}{bus}\"")).collect();
         robot.drive = Some(table(&format!("ports = [{}]", ports.join(", ")))?);

@@ -6,7 +6,7 @@ use robot::Robot;
 use shm_types::messages::LoopState;
 use virtual_drives::{BusFault, EthercatFault, Kind, MoteusFault};
 
-use super::{BEGIN, LONG_CYCLES, OrderDisturbance, SHORT_CYCLES, Scenario};
+use super::{AtSetUp, BEGIN, LONG_CYCLES, OrderDisturbance, SHORT_CYCLES, Scenario};
 use crate::Window;
 
 const MS: u64 = 1_000_000;
@@ -42,6 +42,59 @@ pub fn of(kind: Kind, robot: &Robot) -> Vec<Scenario> {
         Kind::Emulator => Vec::new(),
         Kind::Ethercat => ethercat(robot.joints.len() - 1),
         Kind::Moteus => moteus(robot.joints[0].link_encoder_resolution_rad.is_some()),
+    }
+}
+
+/// Those that the drives may have before a run.
+pub fn at_set_up(kind: Kind, robot: &Robot) -> Vec<AtSetUp> {
+    let last = robot.joints.len() - 1;
+    match kind {
+        Kind::Emulator => Vec::new(),
+        Kind::Ethercat => {
+            let of = |name, fault, refused| AtSetUp {
+                name,
+                fault: BusFault::Ethercat(fault),
+                refused,
+            };
+            use EthercatFault::{CableOut, MailboxSilent};
+            let silent = |for_ns| MailboxSilent {
+                slave: last,
+                for_ns,
+            };
+            let cut = |after| CableOut {
+                after,
+                for_ns: FOR_GOOD_NS,
+            };
+            vec![
+                of(
+                    "no SDO of the last slave is answered for 0.5 s",
+                    silent(500 * MS),
+                    None,
+                ),
+                of(
+                    "no SDO of the last slave is answered",
+                    silent(FOR_GOOD_NS),
+                    Some("has not answered an SDO"),
+                ),
+                of("master's cable out", cut(0), Some("no slaves answer")),
+            ]
+        }
+        Kind::Moteus => {
+            let of = |name, fault, refused| AtSetUp {
+                name,
+                fault: BusFault::Moteus(fault, FOR_GOOD_NS),
+                refused: Some(refused),
+            };
+            use MoteusFault::{PtyClosed, Silent};
+            vec![
+                of("port gone", PtyClosed { bus: 0 }, "no such port"),
+                of(
+                    "a drive's cable out",
+                    Silent { id: 1 },
+                    "no drive answers to id 1",
+                ),
+            ]
+        }
     }
 }
 

@@ -134,6 +134,22 @@ pub fn of_bus(kind: Kind, robot: &Robot) -> Vec<Scenario> {
     buses::of(kind, robot)
 }
 
+/// Something that is broken when the drives are looked for, before there is a loop.
+#[derive(Clone, Copy, Debug)]
+pub struct AtSetUp {
+    /// For people.
+    pub name: &'static str,
+    /// What is broken.
+    pub fault: BusFault,
+    /// Part of the line with which the driver has to refuse the drives; `None` where it has to open them.
+    pub refused: Option<&'static str>,
+}
+
+/// What may be broken when the drives of a kind are looked for.
+pub fn at_set_up(kind: Kind, robot: &Robot) -> Vec<AtSetUp> {
+    buses::at_set_up(kind, robot)
+}
+
 /// Every scenario that any drives can have, in the order of the table.
 pub fn all() -> Vec<Scenario> {
     let mut all = vec![Scenario::calm()];

@@ -17,7 +17,7 @@ Joint by joint, in the robot's order, each slave has --axes of them. Modes: cycl
 Needs CAP_NET_RAW: root, or once setcap cap_net_raw+ep on the program.
 Faults, with what they take: cable-out:after=SLAVES,for=T frame-lost:count=N frame-doubled:count=N
 frame-delayed:count=N,by=T counter-short:slave=K,count=N slave-reset:slave=K drive-fault:joint=K,code=0xC,for=T
-brown-out:slave=K,for=T dc-lost:slave=K,for=T. All numbers count from 0; times are 500us, 20ms or 3s.
+brown-out:slave=K,for=T dc-lost:slave=K,for=T mailbox-silent:slave=K,for=T. All numbers count from 0; times are 500us, 20ms or 3s.
 Ends with Ctrl-C, or after --duration. Exit code: 0 done, 2 bad input.")]
 pub struct EmulateEthercatArguments {
     /// Network interface that the master's frames come in on
