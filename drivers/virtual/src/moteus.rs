@@ -2,10 +2,11 @@
 
 use std::cell::RefCell;
 use std::rc::Rc;
+use std::time::Duration;
 
 use moteus_driver::MoteusDriver;
 use moteus_driver::host::{Host, Serial};
-use moteus_emulator::{Bench, Mode, Setup};
+use moteus_emulator::{Bench, Fault, Mode, Setup};
 use plant_emulator::PlantTruth;
 use robot::Robot;
 use rt_loop::driver::{Capabilities, DriveFault, Driver, OpenContext};
@@ -136,12 +137,17 @@ impl Moteus {
             buses,
             is_homed: true,
             seed: run.seed,
-            faults: Vec::new(),
+            // From the first line on that somebody sends.
+            faults: match broken {
+                Some(BusFault::Moteus(kind, for_ns)) => vec![Fault {
+                    kind,
+                    start: Duration::ZERO,
+                    duration: Some(Duration::from_nanos(for_ns)),
+                }],
+                _ => Vec::new(),
+            },
         };
-        let mut bench = Bench::new(robot, &setup)?;
-        if let Some(BusFault::Moteus(kind, for_ns)) = broken {
-            bench.inject(kind, for_ns);
-        }
+        let bench = Bench::new(robot, &setup)?;
         let mut robot = robot.clone();
         let ports: Vec<String> = (0..buses).map(|bus| format!("\"{PORT}{bus}\"")).collect();
         robot.drive = Some(table(&format!("ports = [{}]", ports.join(", ")))?);

@@ -87,7 +87,7 @@ pub fn at_set_up(kind: Kind, robot: &Robot) -> Vec<AtSetUp> {
             };
             use MoteusFault::{PtyClosed, Silent};
             vec![
-                of("port gone", PtyClosed { bus: 0 }, "no such port"),
+                of("port gone", PtyClosed { bus: 0 }, "the port is gone"),
                 of(
                     "a drive's cable out",
                     Silent { id: 1 },
