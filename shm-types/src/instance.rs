@@ -450,6 +450,9 @@ impl Instance {
         );
         config.global.prefix = FileName::new(self.ipc_prefix().as_bytes())
             .map_err(|error| name_error(format!("{error:?}")))?;
+        // The janitor wipes what the dead have left. The middleware would wait for ever for a file that a killed process had
+        // made and not filled.
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
         Ok(config)
     }
 
