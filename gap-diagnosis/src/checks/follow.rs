@@ -4,26 +4,30 @@ use nalgebra::{DMatrix, DVector};
 use recording::{JointColumns, Signal};
 use robot::Effect;
 
-use crate::checks::found::{Found, ROWS_MIN};
+use crate::checks::found::{Found, ROWS_MIN, SURE};
+use crate::twin::known::LAW;
 use crate::twin::scale::{SATURATED, largest_of};
 
 /// Samples over which the drive's response is sought.
 pub(crate) const TAPS: usize = 64;
 /// Time constant of a current loop as it should be.
-const FAST_LAG_S: f64 = 3e-4;
+pub(crate) const FAST_LAG_S: f64 = 3e-4;
+/// Time constants that are tried, each over the one before.
+const LAG_RATIO: f64 = 1.12;
+/// Delays that are tried are so many samples apart.
+const DELAY_STEP: f64 = 0.1;
 /// Those of current loops that nobody would call slow.
 const FAST_LAGS_S: [f64; 3] = [0.0, 0.5 * FAST_LAG_S, FAST_LAG_S];
+/// From this on a lag is told.
+pub(crate) const SLOW_LAG_S: f64 = 2.0 * FAST_LAG_S;
 /// Tenths of a sample by which the torque may be later than the controller's delay.
 const LATE_STEPS: i32 = 4;
-/// Delay and time constant at which the search ends: what is best there may be anything.
+/// Delay at which the search ends: what is best there may be anything.
 const LATEST: f64 = TAPS as f64 - 4.0;
-const SLOWEST_S: f64 = 0.02;
 /// Time constants, as a part of the samples, of which next to nothing is left after the last one.
 const SEEN_LAGS: f64 = 0.25;
 /// A response that leaves more of the torque's changes than this part does not tell when it came.
 const UNCLEAR: f64 = 0.5;
-/// What a slower response must be worth, in squared standard deviations.
-const WORTH: f64 = 50.0;
 /// Samples over which the torque's change is compared with the commands': over one sample a step tells best what came when, over
 /// more a smooth command stands out of the torque's noise.
 const SPANS: [usize; 2] = [1, 16];
@@ -276,9 +280,9 @@ pub(crate) fn answered_after(
         let (follow, left) = response.best(&delays(), &FAST_LAGS_S);
         let is_clear = left < UNCLEAR * response.square && follow.delay < LATEST;
         let is_worth = told.is_none_or(|told| {
-            let late = 0.1 * f64::from(LATE_STEPS);
+            let late = DELAY_STEP * f64::from(LATE_STEPS);
             let (_, as_told) = response.best(&[told, told + 0.5 * late, told + late], &FAST_LAGS_S);
-            as_told - left > WORTH * left / response.rows
+            as_told - left > SURE.powi(2) * left / response.rows
         });
         (is_clear && is_worth).then_some(follow.delay)
     })
@@ -287,14 +291,14 @@ pub(crate) fn answered_after(
 /// All delays that are tried.
 fn delays() -> Vec<f64> {
     (0..)
-        .map(|k| 0.1 * f64::from(k))
+        .map(|k| DELAY_STEP * f64::from(k))
         .take_while(|delay| *delay <= LATEST)
         .collect()
 }
 
 /// Time constants of slower and slower current loops.
 fn slow_lags_s() -> Vec<f64> {
-    (0..40).map(|k| FAST_LAG_S * 1.12_f64.powi(k)).collect()
+    (0..40).map(|k| FAST_LAG_S * LAG_RATIO.powi(k)).collect()
 }
 
 /// Lag of the current loop, and delay of the command beyond what the robot file's controller has, where that is told.
@@ -309,7 +313,7 @@ impl Response {
         let all = delays();
         let told = delay_cycles.map_or(LATEST, told_delay);
         // a recorder may write down what acts from a row on: sooner than told is no effect
-        let latest = told + 0.1 * f64::from(LATE_STEPS);
+        let latest = told + DELAY_STEP * f64::from(LATE_STEPS);
         let usual: Vec<f64> = all
             .iter()
             .copied()
@@ -321,7 +325,7 @@ impl Response {
         let (slow, with_lag) = self.best(&usual, &lags);
         let (both, least) = self.best(&all, &lags);
         let variance = (least / self.rows).max(1e-300);
-        let worth = |before: f64, after: f64| (before - after) / variance > WORTH;
+        let worth = |before: f64, after: f64| (before - after) / variance > SURE.powi(2);
         if !worth(as_told, least) {
             return Vec::new();
         }
@@ -334,16 +338,16 @@ impl Response {
         };
         let mut found = Vec::new();
         // what still goes on after the last sample is the twin's to find
-        let slowest_s = SLOWEST_S.min(SEEN_LAGS * TAPS as f64 * self.period_s);
+        let slowest_s = SEEN_LAGS * TAPS as f64 * self.period_s;
         if chosen.lag_s >= slowest_s || chosen.delay >= LATEST - 0.5 {
             return found;
         }
-        if chosen.lag_s > 2.0 * FAST_LAG_S {
+        if chosen.lag_s > SLOW_LAG_S {
             found.push(Found {
                 effect: Effect::CurrentLoopLag {
                     time_constant_s: chosen.lag_s,
                 },
-                std: 0.06 * chosen.lag_s,
+                std: 0.5 * (LAG_RATIO - 1.0) * chosen.lag_s,
                 because: format!(
                     "the drive's torque follows its command with {:.2} ms",
                     1e3 * chosen.lag_s
@@ -351,11 +355,11 @@ impl Response {
             });
         }
         let late = chosen.delay - told;
-        if late > 0.1 * f64::from(LATE_STEPS) {
+        if late > DELAY_STEP * f64::from(LATE_STEPS) {
             let delay_s = late * self.period_s;
             found.push(Found {
                 effect: Effect::CommandDelay { delay_s },
-                std: (0.03 * delay_s).max(0.1 * self.period_s),
+                std: (LAW * delay_s).max(DELAY_STEP * self.period_s),
                 because: format!(
                     "the drive's torque comes {:.2} ms later than the controller's delay",
                     1e3 * delay_s

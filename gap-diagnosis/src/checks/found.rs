@@ -2,8 +2,17 @@
 
 use robot::Effect;
 
-/// Fewer rows than this tell nothing.
-pub(crate) const ROWS_MIN: usize = 200;
+/// Fewer rows than this tell nothing: what is told of them is known to a tenth at best.
+pub(crate) const ROWS_MIN: usize = 100;
+/// Standard errors that a finding is away from nothing. Samples are not as independent and noise not as normal as the errors are made
+/// for: five would do where they were, and one of a hundred joints has a finding by chance then.
+pub(crate) const SURE: f64 = 7.0;
+/// The same in nats of likelihood.
+pub(crate) fn sure_nats() -> f64 {
+    0.5 * SURE * SURE
+}
+/// Losses below this part are a recorder's hiccup.
+pub(crate) const LOST_MIN: f64 = 0.002;
 
 /// An effect found in samples.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,8 +7,9 @@ use std::ops::{Range, RangeInclusive};
 
 use recording::{JointColumns, Signal};
 
-use crate::checks::follow::{Response, TAPS, pairs, reached_nm};
-use crate::checks::found::ROWS_MIN;
+use crate::checks::follow::{FAST_LAG_S, Response, TAPS, pairs, reached_nm};
+use crate::checks::found::{LOST_MIN, ROWS_MIN, SURE, sure_nats};
+use crate::twin::known::LAW;
 
 /// Ages that are told apart: older ones are rare, or alike.
 const AGES: usize = 16;
@@ -18,33 +19,16 @@ const BEGIN: f64 = 0.2;
 const FIRST_ROUNDS: usize = 4;
 const ROUNDS: usize = 20;
 const SETTLED: f64 = 1e-3;
-/// Part of a step that a current loop as it should be may still have to go when its torque is read.
-const STILL_TO_GO: f64 = 0.12;
 /// Part of the torques that may be anything: a drive that starts or stops answers no command.
 const ODD: f64 = 0.01;
 /// No torque is surer than this part of the largest.
 const LEAST: f64 = 1e-6;
 /// The least part of a variance that is left of it in one round.
 const LEAST_OF_BEFORE: f64 = 0.1;
-/// Standard errors by which what a smooth response leaves must grow with the command's steps for a closer look.
-const GROWS: f64 = 5.0;
-/// Nats by which lost commands must explain the torque better than any delay and lag.
-const NATS_MIN: f64 = 50.0;
-/// A step of so many standard deviations stands out, and the most of such steps that may go otherwise if the drive either takes
-/// a command or does not.
-const STANDS_OUT: f64 = 4.0;
-const OTHERWISE: f64 = 0.2;
-/// The shortest time constant of a slow current loop, and by which factors others are sought about the best: up to half a second first.
-const SLOW_LAG_S: f64 = 3e-4;
+/// By which factors slower current loops are sought about the best: up to half a second first.
 const SLOWER: [(f64, RangeInclusive<i32>); 3] = [(1.25, 0..=33), (1.05, -5..=5), (1.01, -5..=5)];
-/// Losses below this part are a recorder's hiccup.
-const LOST_MIN: f64 = 0.002;
-/// Standard errors that a loss is away from none.
-const SURE: f64 = 5.0;
 /// Step of the part left out by which its standard error is found.
 const CURVATURE: f64 = 0.1;
-/// No part is known better than to this part of it: a drive that loses commands does so in no chain's way exactly.
-const LAW: f64 = 0.03;
 /// Rows that are looked at as one: what is kept of them is bounded.
 const PIECE: usize = 20_000;
 
@@ -85,7 +69,7 @@ pub(crate) fn acted_on(
         let command_nm = run.signals.get(&Signal::CommandTorqueNm);
         let command_nm = command_nm.cloned().unwrap_or_default();
         let mut acted_nm = command_nm.clone();
-        let Some(answers) = Answers::of(std::slice::from_ref(run), &weights) else {
+        let Some(answers) = Answers::of(std::slice::from_ref(run), period_s, &weights) else {
             return acted_nm;
         };
         // answers begin where all commands that they are made of are there
@@ -118,6 +102,7 @@ fn fitted(
     told_rows: usize,
 ) -> Option<(LeftOut, Chain)> {
     let response = responses.first()?;
+    let period_s = response.period_s();
     // what is left out makes the answer come later, on the whole
     let fast_rows = response.fast_delay();
     let first = told_rows.min(fast_rows.floor() as usize);
@@ -125,7 +110,7 @@ fn fitted(
     // steps tell little of a smooth command: the best of what any span says, and of whole delays
     let after = (first..=last).map(|delay_rows| response.weights_after(delay_rows));
     let smooth = responses.iter().map(Response::weights).chain(after);
-    let smooth = smooth.filter_map(|weights| Answers::of(columns, &weights));
+    let smooth = smooth.filter_map(|weights| Answers::of(columns, period_s, &weights));
     let smooth = smooth.map(|answers| (Chain::of(&answers, 0.0), answers));
     let (chain, smooth) = smooth.min_by(|a, b| a.0.variance.total_cmp(&b.0.variance))?;
     if !smooth.leaves_more_at_steps() {
@@ -134,7 +119,7 @@ fn fitted(
     let nothing_lost_nats = chain.fitted(&smooth, ROUNDS).1.log_likelihood;
     let mut best: Option<(f64, usize, Answers, Chain)> = None;
     for delay_rows in first..=last {
-        let answers = Answers::of(columns, &response.weights_after(delay_rows))?;
+        let answers = Answers::of(columns, period_s, &response.weights_after(delay_rows))?;
         let (chain, said) = Chain::of(&smooth, BEGIN).fitted(&answers, FIRST_ROUNDS);
         let nats = said.log_likelihood;
         if best.as_ref().is_none_or(|(most, ..)| nats > *most) {
@@ -144,16 +129,17 @@ fn fitted(
     let (_, delay_rows, answers, chain) = best?;
     let (chain, said) = chain.fitted(&answers, ROUNDS);
     let nats = said.log_likelihood - nothing_lost_nats;
-    if nats < NATS_MIN || said.otherwise > OTHERWISE || chain.fraction < LOST_MIN {
+    if nats < sure_nats() || chain.fraction < LOST_MIN {
         return None;
     }
     let rows = [first, last];
-    if is_slow_loop(columns, rows, response.period_s(), said.log_likelihood) {
+    if is_slow_loop(columns, rows, period_s, said.log_likelihood) {
         return None;
     }
     let std = chain.std(&answers, said.log_likelihood);
     let left_out = LeftOut {
         fraction: chain.fraction,
+        // a drive that loses commands does so in no chain's way exactly
         std: std.hypot(LAW * chain.fraction),
         delay_rows,
         nats,
@@ -170,12 +156,12 @@ fn is_slow_loop(
     log_likelihood: f64,
 ) -> bool {
     let lagged = |lag_s: f64, row: usize| {
-        let answers = Answers::lagged(columns, row, (-period_s / lag_s).exp())?;
+        let answers = Answers::lagged(columns, period_s, row, lag_s)?;
         Some((Chain::of(&answers, 0.0).variance, lag_s, row))
     };
     // a variance, a time constant and a delay
     let less = |a: (f64, f64, usize), b: (f64, f64, usize)| if b.0 < a.0 { b } else { a };
-    let mut best = (f64::INFINITY, SLOW_LAG_S, first_row);
+    let mut best = (f64::INFINITY, FAST_LAG_S, first_row);
     for (factor, steps) in SLOWER {
         let (_, about_s, row) = best;
         let lags_s = steps.map(|k| about_s * f64::powi(factor, k));
@@ -187,10 +173,10 @@ fn is_slow_loop(
         best = rows.filter_map(|row| lagged(lag_s, row)).fold(best, less);
     }
     let (_, lag_s, row) = best;
-    let answers = Answers::lagged(columns, row, (-period_s / lag_s).exp());
+    let answers = Answers::lagged(columns, period_s, row, lag_s);
     answers.is_some_and(|answers| {
         let (_, said) = Chain::of(&answers, 0.0).fitted(&answers, ROUNDS);
-        log_likelihood - said.log_likelihood < NATS_MIN
+        log_likelihood - said.log_likelihood < sure_nats()
     })
 }
 
@@ -201,14 +187,16 @@ struct Answers {
     /// Rows that follow each other, with as many before them as there are ages.
     pieces: Vec<Range<usize>>,
     largest_nm: f64,
+    /// Part of a step that a current loop as it should be may still have to go when its torque is read.
+    to_go: f64,
 }
 
 impl Answers {
     /// Of all recordings, by the weights of the last commands; none where too few rows tell.
-    fn of(columns: &[JointColumns], weights: &[f64]) -> Option<Self> {
+    fn of(columns: &[JointColumns], period_s: f64, weights: &[f64]) -> Option<Self> {
         let used = weights.iter().copied().enumerate();
         let used: Vec<(usize, f64)> = used.filter(|(_, weight)| *weight != 0.0).collect();
-        Self::with(columns, |command_nm| {
+        Self::with(columns, period_s, |command_nm| {
             let expected_nm = |k: usize| -> f64 {
                 let terms = used.iter().map(|(back, w)| w * command_nm[k - back]);
                 terms.sum()
@@ -217,9 +205,15 @@ impl Answers {
         })
     }
 
-    /// The same for a current loop that keeps so much of its torque from row to row and takes commands so many rows late.
-    fn lagged(columns: &[JointColumns], delay_rows: usize, keep: f64) -> Option<Self> {
-        Self::with(columns, |command_nm| {
+    /// The same for a current loop of a time constant that takes commands so many rows late.
+    fn lagged(
+        columns: &[JointColumns],
+        period_s: f64,
+        delay_rows: usize,
+        lag_s: f64,
+    ) -> Option<Self> {
+        let keep = (-period_s / lag_s).exp();
+        Self::with(columns, period_s, |command_nm| {
             let mut torque_nm = f64::NAN;
             let mut expected_nm = Vec::with_capacity(command_nm.len());
             for k in 0..command_nm.len() {
@@ -237,12 +231,17 @@ impl Answers {
     }
 
     /// With what should come of the commands of a run, but for its first rows.
-    fn with(columns: &[JointColumns], expected_nm: impl Fn(&[f64]) -> Vec<f64>) -> Option<Self> {
+    fn with(
+        columns: &[JointColumns],
+        period_s: f64,
+        expected_nm: impl Fn(&[f64]) -> Vec<f64>,
+    ) -> Option<Self> {
         let mut answers = Self {
             torque_nm: Vec::new(),
             expected_nm: Vec::new(),
             pieces: Vec::new(),
             largest_nm: 0.0,
+            to_go: (-period_s / FAST_LAG_S).exp(),
         };
         for (torque_nm, command_nm) in pairs(columns) {
             let reached_nm = reached_nm(torque_nm);
@@ -277,8 +276,8 @@ impl Answers {
         self.torque_nm[k] - self.expected_nm[k]
     }
 
-    /// Whether what a smooth response leaves grows with the steps of what it expects: squares over the half of the rows with the
-    /// larger steps against those over the other half.
+    /// Whether a closer look, which takes long, is worth it: what a smooth response leaves grows with the steps of what it expects,
+    /// squares over the half of the rows with the larger steps against those over the other half.
     fn leaves_more_at_steps(&self) -> bool {
         let step_nm = |k: usize| (self.expected_nm[k] - self.expected_nm[k - 1]).abs();
         let mut rows: Vec<(f64, f64)> = self
@@ -295,7 +294,7 @@ impl Answers {
             (mean, (spread / count / (count - 1.0)).sqrt())
         };
         let [small, large] = [small, large].map(mean_and_error);
-        large.0 - small.0 > GROWS * small.1.hypot(large.1)
+        large.0 - small.0 > 0.5 * SURE * small.1.hypot(large.1)
     }
 }
 
@@ -319,8 +318,6 @@ struct Said {
     log_likelihood: f64,
     /// The values that explain the torques best if ages are as this chain has them.
     next: Chain,
-    /// Part of the steps that stand out at which the torque answers no command.
-    otherwise: f64,
 }
 
 impl Chain {
@@ -353,7 +350,7 @@ impl Chain {
     /// What a torque at an age should be, and its variance.
     fn expected(&self, answers: &Answers, k: usize, age: usize) -> (f64, f64) {
         let expected_nm = self.offset_nm + self.scale * answers.expected_nm[k - age];
-        let to_go_nm = STILL_TO_GO * (expected_nm - answers.torque_nm[k - 1]);
+        let to_go_nm = answers.to_go * (expected_nm - answers.torque_nm[k - 1]);
         let to_go_nm = if to_go_nm.is_finite() { to_go_nm } else { 0.0 };
         (expected_nm, self.variance + to_go_nm.powi(2))
     }
@@ -424,7 +421,6 @@ impl Chain {
         let odd = Self::odd(answers);
         let (mut taken, mut rows) = (0.0, 0.0);
         let (mut excess, mut information) = (0.0, 0.0);
-        let (mut otherwise, mut steps) = (0.0, 0.0);
         let mut straight = Straight::default();
         let mut log_likelihood = 0.0;
         for piece in &answers.pieces {
@@ -434,7 +430,6 @@ impl Chain {
             for ((k, [answered, _]), ages) in piece.clone().zip(&forward).zip(smoothed) {
                 taken += ages[0];
                 rows += 1.0;
-                let mut answers_one = 0.0;
                 for age in (0..AGES).filter(|age| answered[*age] > 0.0) {
                     let weight = ages[age] * answered[age] / (answered[age] + odd);
                     let (expected_nm, variance) = self.expected(answers, k, age);
@@ -443,13 +438,6 @@ impl Chain {
                     information += weight / variance.powi(2);
                     let [x, y] = [answers.expected_nm[k - age], answers.torque_nm[k]];
                     straight.add(weight / variance, x, y);
-                    answers_one += weight;
-                }
-                let (expected_nm, _) = self.expected(answers, k, 0);
-                let step_nm = (expected_nm - answers.torque_nm[k - 1]).abs();
-                if answers.torque_nm[k].is_finite() && step_nm > STANDS_OUT * self.variance.sqrt() {
-                    steps += 1.0;
-                    otherwise += 1.0 - answers_one;
                 }
             }
         }
@@ -465,7 +453,6 @@ impl Chain {
                 scale,
                 offset_nm,
             },
-            otherwise: otherwise / f64::max(steps, 1.0),
         }
     }
 

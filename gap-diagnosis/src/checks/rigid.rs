@@ -5,14 +5,13 @@ use nalgebra::{Matrix2, Vector2};
 use recording::{Recording, STILL_RAD};
 use robot::Robot;
 
+use crate::checks::found::ROWS_MIN;
 use crate::twin::stretch::Stretch;
 
 /// Rate at which this is looked at: what rigid bodies do is slow.
 const RATE_HZ: f64 = 50.0;
 /// A joint slower than this part of its root mean square velocity may stick.
 const MOVES: f64 = 0.5;
-/// Fewer rows than this tell nothing.
-const ROWS_MIN: usize = 100;
 /// The rigid bodies leave this part of a joint's torque, as squares, where it may be another's.
 pub(crate) const OWN: f64 = 0.4;
 /// Below this part left no twin of a tolerance is told from a better one.

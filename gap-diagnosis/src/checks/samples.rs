@@ -4,29 +4,22 @@
 use recording::{JointColumns, Recording, Signal};
 use robot::{Control, Effect, EncoderSide, RobotJoint};
 
-use crate::checks::follow::{Response, slow_drive};
-use crate::checks::found::{Found, ROWS_MIN};
+use crate::checks::follow::{Response, SLOW_LAG_S, slow_drive};
+use crate::checks::found::{Found, LOST_MIN, ROWS_MIN, SURE};
 use crate::checks::lost::{LeftOut, left_out};
 use crate::checks::mend::blank_repeats;
 use crate::checks::timing::{Timing, columns};
 use crate::twin::control::is_slower_than_loop;
+use crate::twin::known::LAW;
 
 /// A position that stays although the joint should have moved by so many steps of its encoder was not measured.
 const STEPS_MOVED: f64 = 3.0;
-/// Losses below this part are a recorder's hiccup.
-const LOST_MIN: f64 = 0.002;
 /// A step coarser than the file's by this factor is another encoder.
 const COARSER: f64 = 1.4;
-/// Of a step, by which a whole number of them may be off.
-const WHOLE: f64 = 0.05;
 /// Rows that move for each that moves by another number of steps than the one before, from which on the speed is even.
 const EVEN: usize = 50;
-/// A velocity that lags its own position by less is filtered as it should be.
-const LAG_MIN_S: f64 = 6e-4;
-/// The same, of the lag of a told filter and a backward difference.
+/// A velocity that lags its own position by this much of the lag of a told filter and a backward difference is filtered as it should be.
 const USUAL_LAG: f64 = 1.3;
-/// Standard errors that a finding is away from nothing.
-const SURE: f64 = 5.0;
 
 /// What the samples of one joint show, over all recordings. Where the robot file tells of no feedback there is no
 /// velocity filter that could be slower than told, and where it tells no controller no delay that could be longer. A recording
@@ -182,43 +175,16 @@ fn late(left_out: &LeftOut, told_rows: usize, period_s: f64) -> Option<Found> {
     })
 }
 
-/// Sizes of a signal's steps from row to row.
-fn steps(columns: &[JointColumns], signal: Signal) -> Vec<f64> {
+/// The step of a signal; none where its values are not in steps.
+fn step_of(columns: &[JointColumns], signal: Signal) -> Option<f64> {
     let values = columns
         .iter()
         .filter_map(|columns| columns.signals.get(&signal));
-    values
-        .flat_map(|values| values.windows(2))
-        .map(|pair| (pair[1] - pair[0]).abs())
-        .filter(|step| step.is_finite())
-        .collect()
-}
-
-/// The smallest step of a signal between two rows that differ; none where its values are not in steps.
-fn step_of(columns: &[JointColumns], signal: Signal) -> Option<f64> {
-    let in_order = steps(columns, signal);
-    let mut steps = in_order.clone();
-    steps.retain(|step| *step > 0.0);
-    steps.sort_by(f64::total_cmp);
-    // rounding makes steps of nothing: the smallest that many agree on
-    let first = steps
-        .iter()
-        .position(|step| *step > 1e-12)
-        .map(|k| k + steps.len() / 500)?;
-    let mut step = *steps.get(first)?;
-    // the digits of one step are few, those of many together are many
-    let (mut whole, mut product, mut square) = (0, 0.0, 0.0);
-    for other in &steps[first..] {
-        let times = (other / step).round();
-        if (other / step - times).abs() < WHOLE {
-            whole += 1;
-            product += times * other;
-            square += times * times;
-            step = product / square;
-        }
-    }
-    let is_in_steps = whole * 10 > (steps.len() - first) * 9;
-    (is_in_steps && !is_of_speed(&in_order, step)).then_some(step)
+    let values: Vec<f64> = values.flatten().copied().collect();
+    let step = recording::step(&values)?;
+    let changes = values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let changes: Vec<f64> = changes.filter(|change| change.is_finite()).collect();
+    (!is_of_speed(&changes, step)).then_some(step)
 }
 
 /// Whether rows of an even speed, each as far from the next, make these steps: an encoder's steps differ from row to row.
@@ -247,7 +213,7 @@ fn coarse_encoder(
             resolution_rad: step_rad,
             side,
         },
-        std: 0.02 * step_rad,
+        std: LAW * step_rad,
         because: format!(
             "{signal} comes in steps of {step_rad:.3e} rad, the robot file has {expected_rad:.3e} rad"
         ),
@@ -299,7 +265,7 @@ fn slow_velocity(columns: &[JointColumns], rate_hz: f64, told_s: f64) -> Option<
         square += change * change;
         rows += 1.0;
     }
-    if rows < ROWS_MIN as f64 / 4.0 || square <= 0.0 {
+    if rows < ROWS_MIN as f64 || square <= 0.0 {
         return None;
     }
     let lag_s = slope / square;
@@ -307,7 +273,7 @@ fn slow_velocity(columns: &[JointColumns], rate_hz: f64, told_s: f64) -> Option<
         left += (behind - lag_s * change).powi(2);
     }
     let std_s = (left / (rows - 1.0) / square).sqrt();
-    let usual_s = LAG_MIN_S.max(USUAL_LAG * (told_s + 0.5 * period_s));
+    let usual_s = SLOW_LAG_S.max(USUAL_LAG * (told_s + 0.5 * period_s));
     if lag_s < usual_s || lag_s < SURE * std_s {
         return None;
     }
