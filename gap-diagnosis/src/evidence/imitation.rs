@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 use super::remaining::{bent, braking, hats, since_reversal};
 use super::rows::Rows;
 use super::sums::dot;
-use super::{AMPLITUDE_NATS, Evidence, Fit, NAME_NATS, Names, Scored, Smooth};
+use super::{AMPLITUDE_NATS, Evidence, Fit, INEXACT, NAME_NATS, Names, Scored, Smooth};
 use crate::signal::waves::PERIODS_MIN;
 
 /// Parts of the recording between which something may have changed at once: half of what is left out in turn.
@@ -54,9 +54,18 @@ pub fn take_back(
         sets.retain(|set| set.names & taken == 0 && set.names != left.names);
         sets.insert(0, left);
     }
-    let known = beside.scored(best).score;
-    let mut others = beside.smooth();
-    taken != 0 || others.any(|law| beside.scored(best | law).score > known)
+    let square = |names: Names| beside.scored(names).left.iter().sum::<f64>();
+    let (known, left) = (beside.scored(best).score, square(best));
+    let explained = square(0) - left;
+    let untold = beside.floor_square(best);
+    let mut others = beside.smooth().zip(&laws);
+    taken != 0
+        || others.any(|(law, smooth)| {
+            let with = best | law;
+            let least = untold.max(smooth.inexact.powi(2) * explained);
+            let is_more = left - square(with) > least;
+            is_more && beside.scored(with).score > known
+        })
 }
 
 /// The best set of these names: beside names that are gone there may have been no need of friction that is there.
@@ -102,7 +111,8 @@ fn laws(rows: &Rows, rest_nm: &[f64]) -> Vec<Smooth> {
     let speed_rad_s: Vec<f64> = rows.velocity_rad_s.iter().map(|v| v.abs()).collect();
     // all columns together are Coulomb friction, a constant is an offset
     let but_first = |columns: Vec<Vec<f64>>| columns.into_iter().skip(1).collect::<Vec<_>>();
-    let law = |columns: Vec<Vec<f64>>, among: f64| Smooth {
+    let law = |columns: Vec<Vec<f64>>, among: f64, inexact: f64| Smooth {
+        inexact,
         cost: NAME_NATS + among + AMPLITUDE_NATS * columns.len().saturating_sub(1) as f64,
         columns,
     };
@@ -110,18 +120,20 @@ fn laws(rows: &Rows, rest_nm: &[f64]) -> Vec<Smooth> {
         since_reversal(rows),
         bent(&rows.time_s),
         over_position.clone(),
-        braking(over_position),
-        braking(hats(&speed_rad_s)),
     ];
+    // no friction is a named curve exactly, nor the same at all angles
+    let frictions = [braking(over_position), braking(hats(&speed_rad_s))];
     let jumps = jumps(&rows.time_s);
     let among = (2.0 * jumps.len() as f64).ln();
     let jumps = braking(jumps.clone()).into_iter().chain(jumps);
     let vibration = vibration(&rows.time_s, rest_nm).into_iter();
-    let smooth = smooth.map(|columns| law(but_first(columns), 0.0));
+    let smooth = smooth.map(|columns| law(but_first(columns), 0.0, 0.0));
+    let frictions = frictions.map(|columns| law(but_first(columns), 0.0, INEXACT));
     smooth
         .into_iter()
-        .chain(jumps.map(|jump| law(vec![jump], among)))
-        .chain(vibration.map(|(waves, among)| law(waves, among)))
+        .chain(frictions)
+        .chain(jumps.map(|jump| law(vec![jump], among, 0.0)))
+        .chain(vibration.map(|(waves, among)| law(waves, among, 0.0)))
         .filter(|law| !law.columns.is_empty())
         .collect()
 }

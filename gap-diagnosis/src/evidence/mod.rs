@@ -83,6 +83,8 @@ pub struct Item<'a> {
 /// A smooth law on no list.
 #[derive(Clone, Debug)]
 pub struct Smooth {
+    /// Part of what names explain by which what it stands for is never exact: less than that is no rest.
+    pub inexact: f64,
     /// What saying that there is one costs, in nats.
     pub cost: f64,
     /// It is a sum of these.

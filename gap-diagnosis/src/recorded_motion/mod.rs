@@ -42,8 +42,7 @@ use rows::JointRows;
 use signals::TorqueSource;
 use usable::Usable;
 
-/// Part of what they explain by which no laws of the motion are exact: torque transducers and current sensors of class 0.5 are linear to
-/// half a per cent.
+/// Part of the torque that nobody can tell: torque transducers and current sensors of class 0.5 are linear to half a per cent.
 const LINEAR: f64 = 0.005;
 /// Part of the torque by which a command may differ from it without a word.
 const COMMAND_TOLD: f64 = 0.05;
@@ -302,9 +301,11 @@ impl Joint {
     }
 
     fn spans(&self) -> [Span; 1] {
+        let torque_nm = &self.rows.seen.measured_nm;
+        let square = torque_nm.iter().map(|x| x * x).sum::<f64>();
         [Span {
             rows: 0..self.rows.seen.count(),
-            floor_nm: 0.0,
+            floor_nm: LINEAR * (square / torque_nm.len().max(1) as f64).sqrt(),
         }]
     }
 
@@ -314,7 +315,7 @@ impl Joint {
             spans: &self.spans(),
             items: &self.items(),
             tolerated: &self.rows.tolerated,
-            inexact: LINEAR,
+            inexact: 0.0,
             shared: shared.map(|prior| (prior.columns.as_slice(), &prior.message)),
         })
     }
