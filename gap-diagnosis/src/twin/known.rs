@@ -48,7 +48,7 @@ const HALVINGS: usize = 30;
 /// A value of the robot file, or a property of every joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Known {
-    /// One of the joint's own values, by its place among [`of_file`].
+    /// One of the joint's own values, by its place among all that the file says of it.
     File(usize),
     /// What bristles make of a harmonic of friction: a torque over the same angle, whatever the direction, in phase with it
     /// (0) or a quarter cycle before (1).
