@@ -30,6 +30,7 @@ use crate::closed_loop::search::{Model, Search, Term};
 use crate::diagnose::{
     DiagnoseError, Diagnosis, JointTraces, Prepared, Progress, blank_report, insufficient, prepared,
 };
+use crate::evidence::arm::Shared;
 use crate::evidence::imitation;
 use crate::evidence::rows::Rows;
 use crate::evidence::shares::Interval;
@@ -47,7 +48,6 @@ use called::Responses;
 use refine::{Worth, refined};
 pub use rows::About;
 use rows::{Compared, OfArm, kinds_of};
-use shared::Shared;
 
 /// Rounds in which the best set and the responses about it settle.
 const ROUNDS: usize = 3;

@@ -12,59 +12,27 @@ use super::{Explained, Joint, counted};
 use crate::closed_loop::search::Term;
 use crate::effects::Hypothesis;
 use crate::evidence::Message;
-use crate::evidence::arm::{self, Cause, ROUNDS};
-use crate::evidence::told::{self, TEMPERATURE};
+use crate::evidence::arm::{self, Cause, ROUNDS, Shared};
 use crate::on_all_cores::OnAllCores;
-use crate::report::{JointShare, NamedEffect, SharedEffect};
+use crate::report::{JointShare, SharedEffect};
 
 /// A cause, and every joint that has a twin beside it.
 type Beside = (Shared, Vec<Option<Explained>>);
 
-/// A cause with what all joints say of it.
-pub struct Shared {
-    cause: Cause,
-    effect: Effect,
-    std: Vec<f64>,
-    nats: f64,
-}
-
-impl Cause {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Payload => "payload",
-            Self::Tilt => "base_tilt",
+/// One step of each amplitude of its hypothesis.
+fn steps(cause: Cause, joint: &Joint<'_>, hypothesis: &Hypothesis) -> Vec<f64> {
+    let mut ones = vec![1.0; cause.amplitudes()];
+    ones.truncate(hypothesis.amplitudes());
+    match hypothesis.effect(&ones, &joint.search.scale) {
+        Effect::Payload { mass_kg, centre_m } => {
+            let moments = centre_m.map(|along| mass_kg * along);
+            [mass_kg].into_iter().chain(moments).collect()
         }
-    }
-
-    /// What it is called at these amplitudes.
-    fn effect(self, said: &[f64]) -> Effect {
-        match self {
-            Self::Payload => Effect::Payload {
-                mass_kg: said[0],
-                centre_m: [1, 2, 3].map(|k| said[k] / said[0]),
-            },
-            Self::Tilt => Effect::BaseTilt {
-                roll_rad: said[0],
-                pitch_rad: said[1],
-            },
-        }
-    }
-
-    /// One step of each amplitude of its hypothesis.
-    fn steps(self, joint: &Joint<'_>, hypothesis: &Hypothesis) -> Vec<f64> {
-        let mut ones = vec![1.0; self.amplitudes()];
-        ones.truncate(hypothesis.amplitudes());
-        match hypothesis.effect(&ones, &joint.search.scale) {
-            Effect::Payload { mass_kg, centre_m } => {
-                let moments = centre_m.map(|along| mass_kg * along);
-                [mass_kg].into_iter().chain(moments).collect()
-            }
-            Effect::BaseTilt {
-                roll_rad,
-                pitch_rad,
-            } => vec![roll_rad, pitch_rad],
-            _ => ones,
-        }
+        Effect::BaseTilt {
+            roll_rad,
+            pitch_rad,
+        } => vec![roll_rad, pitch_rad],
+        _ => ones,
     }
 }
 
@@ -80,7 +48,7 @@ fn beside(
     let Some(hypothesis) = hypotheses.find(|of| of.name() == cause.name()) else {
         return Ok(None);
     };
-    let steps = cause.steps(joint, hypothesis);
+    let steps = steps(cause, joint, hypothesis);
     let amplitudes = said.iter().zip(&steps).map(|(value, step)| value / step);
     let term = Term {
         hypothesis: hypothesis.clone(),
@@ -195,7 +163,7 @@ fn worth<'a>(
         let (alone, with) = (alone.as_ref()?, with.as_ref()?);
         Some(with.ahead_of(alone))
     });
-    let nats = gained.sum::<f64>() - cause.cost();
+    let gained_nats = gained.sum::<f64>();
     let own: Vec<Option<Message>> = with
         .iter()
         .map(|with| {
@@ -203,58 +171,8 @@ fn worth<'a>(
             with.evidence.message(with.sets[0].names)
         })
         .collect();
-    let Some((said, covariance)) = arm::all(cause, &own).said() else {
-        return Ok(None);
-    };
-    let can_be = cause.can_be(robot, &said, &covariance);
-    let shared = Shared {
-        cause,
-        effect: cause.effect(said.as_slice()),
-        std: covariance
-            .diagonal()
-            .map(|x| x.max(0.0).sqrt())
-            .as_slice()
-            .to_vec(),
-        nats,
-    };
-    Ok((nats > 0.0 && can_be).then_some((shared, with)))
-}
-
-impl Shared {
-    /// Name of the cause.
-    pub fn name(&self) -> &'static str {
-        self.cause.name()
-    }
-
-    /// For the report.
-    pub fn told(self, joint_shares: BTreeMap<String, JointShare>) -> SharedEffect {
-        let mut parameters = told::parameters(&self.effect);
-        let names: &[&str] = match self.cause {
-            Cause::Payload => &["mass_kg"],
-            Cause::Tilt => &["roll_rad", "pitch_rad"],
-        };
-        for (name, std) in names.iter().zip(&self.std) {
-            if let Some(parameter) = parameters.get_mut(*name) {
-                parameter.std = *std;
-            }
-        }
-        let count = joint_shares.len().max(1) as f64;
-        let mean = |of: fn(&JointShare) -> f64| joint_shares.values().map(of).sum::<f64>() / count;
-        SharedEffect {
-            effect: NamedEffect {
-                effect: self.name().to_owned(),
-                probability: 1.0 / (1.0 + (-self.nats / TEMPERATURE).exp()),
-                parameters,
-                side: None,
-                share: mean(|share| share.share),
-                share_low: mean(|share| share.share_low),
-                share_high: mean(|share| share.share_high),
-                shrink_alone: 0.0,
-            },
-            joints: joint_shares.keys().cloned().collect(),
-            joint_shares,
-        }
-    }
+    let shared = cause.found(robot, &own, gained_nats);
+    Ok(shared.map(|shared| (shared, with)))
 }
 
 /// A delay of the bus, for the report.

@@ -3,10 +3,14 @@
 //! Each joint's rows say something of the amplitudes beside its own names. What the others say is a prior to each: Gaussian messages,
 //! which make the joint fits one fit of all joints (Bishop, Pattern Recognition and Machine Learning, 2006, section 8.4.4).
 
-use nalgebra::{DMatrix, DVector};
-use robot::Robot;
+use std::collections::BTreeMap;
 
+use nalgebra::{DMatrix, DVector};
+use robot::{Effect, Robot};
+
+use super::told::{self, TEMPERATURE};
 use super::{AMPLITUDE_NATS, ERRORS, Message, NAME_NATS};
+use crate::report::{JointShare, NamedEffect, SharedEffect};
 
 /// Rounds in which joints tell each other of a cause: a payload's inertia is quadratic in its moments, which settle to a hundredth in three.
 pub const ROUNDS: usize = 3;
@@ -49,9 +53,47 @@ impl Cause {
         }
     }
 
+    /// The effect's name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Payload => "payload",
+            Self::Tilt => "base_tilt",
+        }
+    }
+
+    /// What it is called at these amplitudes.
+    pub fn effect(self, said: &[f64]) -> Effect {
+        match self {
+            Self::Payload => Effect::Payload {
+                mass_kg: said[0],
+                centre_m: [1, 2, 3].map(|k| said[k] / said[0]),
+            },
+            Self::Tilt => Effect::BaseTilt {
+                roll_rad: said[0],
+                pitch_rad: said[1],
+            },
+        }
+    }
+
+    /// The cause by what each joint says of it, where it is worth its cost with what the joints gain by it together, and an arm can have it.
+    pub fn found(self, robot: &Robot, own: &[Option<Message>], gained_nats: f64) -> Option<Shared> {
+        let nats = gained_nats - self.cost();
+        let (said, covariance) = all(self, own).said()?;
+        if nats <= 0.0 || !self.can_be(robot, &said, &covariance) {
+            return None;
+        }
+        let errors = covariance.diagonal();
+        Some(Shared {
+            cause: self,
+            effect: self.effect(said.as_slice()),
+            std: errors.iter().map(|x| x.max(0.0).sqrt()).collect(),
+            nats,
+        })
+    }
+
     /// Whether an arm can have it: no more can be missing at its end than the last link weighs, as far as its error tells, and what hangs
     /// there is no further away than the arm is long.
-    pub fn can_be(self, robot: &Robot, said: &DVector<f64>, covariance: &DMatrix<f64>) -> bool {
+    fn can_be(self, robot: &Robot, said: &DVector<f64>, covariance: &DMatrix<f64>) -> bool {
         let links = robot.chain.links();
         let (Self::Payload, Some(last)) = (self, links.last()) else {
             return true;
@@ -72,6 +114,52 @@ impl Cause {
     /// What it costs the whole arm, in nats: a name, and each further amplitude.
     pub fn cost(self) -> f64 {
         NAME_NATS + AMPLITUDE_NATS * (self.amplitudes() - 1) as f64
+    }
+}
+
+/// A cause with what all joints say of it.
+pub struct Shared {
+    cause: Cause,
+    effect: Effect,
+    std: Vec<f64>,
+    /// By which the joints are better told with it.
+    pub nats: f64,
+}
+
+impl Shared {
+    /// Name of the cause.
+    pub fn name(&self) -> &'static str {
+        self.cause.name()
+    }
+
+    /// For the report, with what it takes of each joint's gap.
+    pub fn told(self, joint_shares: BTreeMap<String, JointShare>) -> SharedEffect {
+        let mut parameters = told::parameters(&self.effect);
+        let names: &[&str] = match self.cause {
+            Cause::Payload => &["mass_kg"],
+            Cause::Tilt => &["roll_rad", "pitch_rad"],
+        };
+        for (name, std) in names.iter().zip(&self.std) {
+            if let Some(parameter) = parameters.get_mut(*name) {
+                parameter.std = *std;
+            }
+        }
+        let count = joint_shares.len().max(1) as f64;
+        let mean = |of: fn(&JointShare) -> f64| joint_shares.values().map(of).sum::<f64>() / count;
+        SharedEffect {
+            effect: NamedEffect {
+                effect: self.name().to_owned(),
+                probability: 1.0 / (1.0 + (-self.nats / TEMPERATURE).exp()),
+                parameters,
+                side: None,
+                share: mean(|share| share.share),
+                share_low: mean(|share| share.share_low),
+                share_high: mean(|share| share.share_high),
+                shrink_alone: 0.0,
+            },
+            joints: joint_shares.keys().cloned().collect(),
+            joint_shares,
+        }
     }
 }
 

@@ -38,18 +38,8 @@ impl Evidence {
     /// All sets that `is_possible` that are not far behind the best: first what is told, then the best first. There is always one: no name.
     /// It is what is told unless the odds against it are those that a name costs.
     pub fn best(&self, is_possible: impl Fn(&Fit) -> bool) -> Vec<Scored> {
-        self.possible(self.ranked(), is_possible)
-    }
-
-    /// All sets, the best first, whether possible or not.
-    pub fn ranked(&self) -> Vec<Scored> {
         let mut all = self.sets();
         all.sort_by(|a, b| b.score.total_cmp(&a.score));
-        all
-    }
-
-    /// [`best`](Self::best) of all that are [`ranked`](Self::ranked).
-    pub fn possible(&self, all: Vec<Scored>, is_possible: impl Fn(&Fit) -> bool) -> Vec<Scored> {
         let mut kept: Vec<Scored> = Vec::new();
         for scored in all {
             if let Some(best) = kept.first()

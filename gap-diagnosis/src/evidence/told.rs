@@ -424,7 +424,13 @@ impl Found<'_> {
         let before = gap_nm.iter().map(|x| x * x).sum::<f64>() / rows;
         let after = best.left.iter().sum::<f64>() / rows;
         let noise = self.noise_square / rows;
-        let shrink = |after: f64| 1.0 - (after - noise) / (before - noise).max(f64::MIN_POSITIVE);
+        let shrink = |after: f64| {
+            if before > noise {
+                1.0 - (after - noise) / (before - noise)
+            } else {
+                0.0
+            }
+        };
         // the interval is of what the names take; the file's tolerances come off before
         let with = |remaining: f64| shrink(remaining * above + noise);
         Gap {

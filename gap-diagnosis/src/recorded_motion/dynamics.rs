@@ -269,6 +269,7 @@ fn tilted(chain: &Chain) -> Vec<Chain> {
 }
 
 /// What the robot file needs of one joint, beyond its rigid bodies.
+#[derive(Clone)]
 pub struct Drive {
     model: JointModel,
     known: Vec<KnownValue>,
@@ -305,6 +306,23 @@ impl Drive {
     /// Dry friction that the file states at a speed.
     pub fn dry_nm(&self, speed_rad_s: f64) -> f64 {
         self.model.friction.level_nm(&Sliding::at(speed_rad_s))
+    }
+
+    /// The part of it that is in proportion to the torque's unit: all of it, and without the friction that nobody measured.
+    pub fn in_proportion_nm(
+        &self,
+        motion: &JointMotion,
+        slip: &[f64],
+        rigid_nm: &[f64],
+    ) -> Vec<f64> {
+        if !self.friction_is_a_simulators {
+            return self.torque_nm(motion, slip, rigid_nm);
+        }
+        let model = JointModel {
+            friction: Default::default(),
+            ..self.model.clone()
+        };
+        self.torque_of(&model, motion, slip, rigid_nm)
     }
 
     /// Torque that the source would show.

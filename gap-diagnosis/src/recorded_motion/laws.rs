@@ -58,8 +58,8 @@ pub enum Law {
 pub struct Along<'a> {
     /// The joint's motion.
     pub motion: &'a JointMotion,
-    /// Torque that the file needs.
-    pub nominal_nm: &'a [f64],
+    /// Torque that is in proportion to a torque constant.
+    pub in_proportion_nm: &'a [f64],
     /// Torque that the gear carries.
     pub load_nm: &'a [f64],
     /// How far friction is bent: -1 to 1, and the sign of the velocity once the joint slips.
@@ -183,7 +183,7 @@ impl Law {
 
     /// Its columns along a piece, Nm per unit of each amplitude.
     pub fn columns(self, along: &Along<'_>) -> Vec<Vec<f64>> {
-        let rows = 0..along.nominal_nm.len();
+        let rows = 0..along.slip.len();
         let q = |k: usize| along.motion.position_rad[k];
         let v = |k: usize| along.motion.velocity_rad_s[k];
         let slip = |k: usize| along.slip[k];
@@ -198,7 +198,7 @@ impl Law {
             Self::Asymmetric => one(&|k| slip(k).abs()),
             Self::LoadDependent => one(&|k| slip(k) * along.load_nm[k].abs()),
             Self::Offset => one(&|_| 1.0),
-            Self::TorqueConstant => one(&|k| along.nominal_nm[k]),
+            Self::TorqueConstant => one(&|k| along.in_proportion_nm[k]),
             Self::Inertia => one(&|k| along.motion.acceleration_rad_s2[k]),
             Self::LinkInertia => one(&|k| along.link_inertia_nm[k]),
             Self::Gravity => vec![
@@ -230,7 +230,11 @@ impl Law {
                 [-friction.level_nm(&at), f64::INFINITY]
             }
             Self::Viscous => [-friction.fluid_drag_nm_s_rad(speed_rad_s), f64::INFINITY],
-            Self::LoadDependent => [-friction.load_dependent.load_coefficient, f64::INFINITY],
+            // a gear whose friction is as large as its load holds that by itself
+            Self::LoadDependent => {
+                let known = friction.load_dependent.load_coefficient;
+                [-known, 1.0 - known]
+            }
             // the column is what the file needs, and the gain's inverse multiplies that
             Self::TorqueConstant => [1.0 / GAIN[1] - 1.0, 1.0 / GAIN[0] - 1.0],
             Self::Inertia => [-(inertia_kg_m2 + model.rotor_inertia_kg_m2), f64::INFINITY],
@@ -394,8 +398,8 @@ pub fn is_possible(
         let Some(value) = amplitudes.first() else {
             continue;
         };
-        // a range is one of what can be meant, and a single limit is passed by noise
-        let error = if least.is_finite() && most.is_finite() {
+        // a gain beyond its range is another thing, and noise passes the limits of others
+        let error = if law == Law::TorqueConstant {
             0.0
         } else {
             error

@@ -212,10 +212,15 @@ fn joint(
         let smooth = values.map(|values| motion.limit(&values)).transpose()?;
         Ok(smooth.map(|smooth| thinned(&smooth, every)))
     };
+    let noise_nm = match read.torque {
+        // its torque's steps are the reference's
+        Some(TorqueSource::Controller) => noise_of_controller(robot, index, &raw_rad, rate_hz),
+        _ => torque_nm.as_deref().and_then(noise_std),
+    };
     let step_rad = step(&raw_rad);
     let moving = is_moving(&raw_rad, step_rad, rate_hz);
     Ok(JointMotion {
-        noise_nm: torque_nm.as_deref().and_then(noise_std).unwrap_or(0.0),
+        noise_nm: noise_nm.unwrap_or(0.0),
         step_rad: step_rad.map(|step_rad| step_rad / scale.abs()),
         recorded_hz: rate_hz,
         velocity_rad_s: thinned(&derivative(&smooth_rad, 1.0 / rate_hz), every),
@@ -311,6 +316,22 @@ fn controlled(
         (spring_nm + damper_nm).clamp(-limit_nm, limit_nm)
     });
     Some(torque_nm.collect())
+}
+
+/// Noise of the controller's torque, joint side: what it makes of the position's.
+fn noise_of_controller(
+    robot: &Robot,
+    joint: usize,
+    position_rad: &[f64],
+    rate_hz: f64,
+) -> Option<f64> {
+    let control = controller(robot)?;
+    let kp = control.proportional_nm_rad[joint];
+    let kd = control.derivative_nm_s_rad[joint];
+    let velocity_rad_s = derivative(position_rad, 1.0 / rate_hz);
+    let both = position_rad.iter().zip(&velocity_rad_s);
+    let torque_nm: Vec<f64> = both.map(|(q, v)| kp * q + kd * v).collect();
+    noise_std(&torque_nm)
 }
 
 /// `kd` times the reference's rate.

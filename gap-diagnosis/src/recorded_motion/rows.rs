@@ -16,7 +16,7 @@ use crate::twin::known::PART_MIN;
 
 /// Compared rows of a joint at most: twenty times as many as are independent on the longest of eight real logs.
 const ROWS_MAX: usize = 3000;
-/// A torque is said to be reversed where what goes against the motion is so many times the square of all else: two of its root mean
+/// A torque's sign is clear where what goes with or against the motion is so many times the square of all else: two of its root mean
 /// squares.
 const CLEAR: f64 = 4.0;
 /// Part of its speed that a joint usually does not exceed.
@@ -44,6 +44,8 @@ pub struct JointRows {
     pub untold: Vec<Vec<f64>>,
     /// Friction that bends, the file's and what is found of it.
     pub dry_nm: f64,
+    /// What a unit of the torque is, by what masses and friction need.
+    pub unit_nm: f64,
     /// Columns of a payload: mass, and first moment along three axes.
     pub payload: Vec<Vec<f64>>,
     /// Columns of a point's inertia at the tip, place by place.
@@ -62,6 +64,17 @@ pub struct JointRows {
     pub inertia_kg_m2: f64,
     /// Noise of the torque within the band, if it is alike at all frequencies.
     pub noise_nm: f64,
+}
+
+/// Which way a torque goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sign {
+    /// As masses and friction need it.
+    Right,
+    /// Against them.
+    Reversed,
+    /// They do not tell.
+    Untold,
 }
 
 /// What one piece gives to a joint's rows.
@@ -129,14 +142,15 @@ impl JointRows {
         let mut feeds_rate = true;
         if is_open {
             let without = presliding(&drive, joint, pieces, torques, &counted, false)?;
-            if without.1 < bend.1 {
+            if without.left < bend.left {
                 (bend, feeds_rate) = (without, false);
             }
         }
         let mut rows = Self {
             speed_rad_s,
-            presliding: bend.0,
-            dry_nm: bend.2 + drive.dry_nm(speed_rad_s),
+            presliding: bend.bend,
+            dry_nm: bend.dry_nm + drive.dry_nm(speed_rad_s),
+            unit_nm: bend.unit_nm,
             feeds_rate,
             mean_rad,
             inertia_kg_m2: torques[0].inertia_kg_m2[joint],
@@ -163,7 +177,6 @@ impl JointRows {
             rows.add(&drive, piece, torques, joint, &kept)?;
         }
         rows.tolerated = that_count(std::mem::take(&mut rows.tolerated));
-        rows.tolerated.append(&mut rows.untold);
         let rms = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>().sqrt();
         if rms(&rows.seen.nominal_nm) < CARRIES * rms(&rows.seen.measured_nm) {
             rows.laws
@@ -195,6 +208,32 @@ impl JointRows {
         }
     }
 
+    /// The same with the torque in this unit, as if the file needed none.
+    pub fn without_need(&self, size_nm: f64) -> Self {
+        let mut rows = self.in_unit(size_nm);
+        rows.seen.nominal_nm.fill(0.0);
+        rows.tolerated.clear();
+        rows.untold.remove(0);
+        rows
+    }
+
+    /// The same with the torque in this unit. How large it is exactly is not known: that is the first column of what no file tells.
+    pub fn in_unit(&self, size_nm: f64) -> Self {
+        let mut rows = self.clone();
+        let measured = [&mut rows.seen.measured_nm].into_iter();
+        let all = measured.chain(&mut rows.command_nm).chain(&mut rows.untold);
+        all.flatten().for_each(|torque| *torque *= size_nm);
+        rows.noise_nm *= size_nm;
+        let laws = std::mem::take(&mut rows.laws);
+        let (constant, laws): (Vec<_>, Vec<_>) = laws
+            .into_iter()
+            .partition(|(law, _)| *law == Law::TorqueConstant);
+        rows.laws = laws;
+        let unknown = constant.into_iter().flat_map(|(_, columns)| columns);
+        rows.untold.splice(0..0, unknown);
+        rows
+    }
+
     /// Columns of a payload that is about at a place. Its inertia is quadratic in the first moment and inverse in the mass; as both grow
     /// together it does too, so that its slopes alone make it (Euler), without a constant.
     pub fn payload_at(&self, centre_m: [f64; 3]) -> Vec<Vec<f64>> {
@@ -222,11 +261,11 @@ impl JointRows {
         columns
     }
 
-    /// Whether the torque goes against the motion: both what the rigid bodies need of it and friction have the wrong sign.
-    pub fn is_reversed(&self) -> bool {
+    /// Which way the torque goes, where both what the rigid bodies need of it and friction tell it clearly.
+    pub fn sign(&self) -> Sign {
         let slip = self.laws.iter().find(|(law, _)| *law == Law::Coulomb);
         let Some(slip) = slip.and_then(|(_, columns)| columns.first()) else {
-            return false;
+            return Sign::Untold;
         };
         let mut gram = SMatrix::<f64, 4, 4>::identity() * f64::MIN_POSITIVE;
         let mut vector = SVector::<f64, 4>::zeros();
@@ -244,13 +283,20 @@ impl JointRows {
             squares += x.component_mul(&x);
         }
         let Some(solved) = gram.cholesky() else {
-            return false;
+            return Sign::Untold;
         };
         let values = solved.solve(&vector);
         let left = self.seen.measured_nm.iter().map(|x| x * x).sum::<f64>() - values.dot(&vector);
         let part = |k: usize| values[k].signum() * values[k].powi(2) * squares[k];
         let (rigid, friction) = (part(0), part(1));
-        rigid <= 0.0 && friction <= 0.0 && -(rigid + friction) > CLEAR * left
+        let is_clear = (rigid + friction).abs() > CLEAR * left;
+        if is_clear && rigid <= 0.0 && friction <= 0.0 {
+            Sign::Reversed
+        } else if is_clear && rigid >= 0.0 && friction >= 0.0 {
+            Sign::Right
+        } else {
+            Sign::Untold
+        }
     }
 
     fn add(
@@ -268,7 +314,7 @@ impl JointRows {
         let along = Along {
             motion,
             slip: &slip,
-            nominal_nm: &nominal_nm,
+            in_proportion_nm: &drive.in_proportion_nm(motion, &slip, rigid_nm),
             load_nm: rigid_nm,
             link_inertia_nm: torques.link_inertia_nm[joint]
                 .as_deref()
@@ -332,9 +378,19 @@ fn clock(torque_nm: &[f64], piece: &Piece, motion: &JointMotion) -> Vec<f64> {
     rate.iter().map(|rate| apart_s * rate).collect()
 }
 
+/// What is found first of a joint.
+struct Bent {
+    bend: Presliding,
+    /// Sum of squares that is left.
+    left: f64,
+    /// Dry friction beyond the file's.
+    dry_nm: f64,
+    /// What a unit of the torque is, by what masses and friction need.
+    unit_nm: f64,
+}
+
 /// The bend that leaves least of a joint's torque beside Coulomb and viscous friction, an offset, inertia, a gain, and what the
-/// clocks may be apart; the sum of squares that it leaves; and the dry friction beyond the
-/// file's.
+/// clocks may be apart.
 fn presliding(
     drive: &Drive,
     joint: usize,
@@ -342,10 +398,10 @@ fn presliding(
     torques: &[Torques],
     counted: &[Vec<usize>],
     feeds_rate: bool,
-) -> Result<(Presliding, f64, f64), FilterError> {
+) -> Result<Bent, FilterError> {
     /// Rows of a piece that are looked at.
     const ROWS: usize = 2000;
-    let mut dry_nm = 0.0;
+    let [mut dry_nm, mut unit_nm] = [0.0, 1.0];
     let mut least = f64::INFINITY;
     let (bend, left) = presliding::least(|bend| {
         let mut gram = SMatrix::<f64, 6, 6>::identity() * f64::MIN_POSITIVE;
@@ -357,19 +413,28 @@ fn presliding(
                 continue;
             };
             let slip = bend.slip(motion);
-            let nominal_nm = drive.torque_nm(motion, &slip, &torques.rigid_nm[joint]);
+            let rigid_nm = &torques.rigid_nm[joint];
+            let nominal_nm = drive.torque_nm(motion, &slip, rigid_nm);
+            let in_proportion_nm = drive.in_proportion_nm(motion, &slip, rigid_nm);
             let gap_nm: Vec<f64> = torque_nm
                 .iter()
                 .zip(&nominal_nm)
                 .map(|(torque, nominal)| torque - nominal)
                 .collect();
             let band = Band::of(piece.rate_hz, piece.compared_hz());
-            let [gap_nm, slip, velocity, acceleration, nominal_nm, smooth_nm] = [
+            let [
+                gap_nm,
+                slip,
+                velocity,
+                acceleration,
+                in_proportion_nm,
+                smooth_nm,
+            ] = [
                 band.limit(&gap_nm)?,
                 band.limit(&slip)?,
                 band.limit(&motion.velocity_rad_s)?,
                 band.limit(&motion.acceleration_rad_s2)?,
-                band.limit(&nominal_nm)?,
+                band.limit(&in_proportion_nm)?,
                 band.limit(&torque_nm)?,
             ];
             let clock = clock(&smooth_nm, piece, motion);
@@ -380,7 +445,7 @@ fn presliding(
                     1.0,
                     clock[*row],
                     acceleration[*row],
-                    nominal_nm[*row],
+                    in_proportion_nm[*row],
                 ]);
                 gram += x * x.transpose();
                 vector += x * gap_nm[*row];
@@ -395,10 +460,16 @@ fn presliding(
         if left < least {
             least = left;
             dry_nm = values[0].abs();
+            unit_nm = (1.0 + values[5]).recip();
         }
         Ok(left)
     })?;
-    Ok((bend, left, dry_nm))
+    Ok(Bent {
+        bend,
+        left,
+        dry_nm,
+        unit_nm,
+    })
 }
 
 fn of_arm(

@@ -1,0 +1,302 @@
+//! One joint as it is regressed: its rows, what may be named of it, and which names are.
+
+use super::dynamics::Drive;
+use super::laws::{self, Law};
+use super::rows::JointRows;
+use super::shared::Prior;
+use super::signals::TorqueSource;
+use crate::evidence::arm::Cause;
+use crate::evidence::imitation;
+use crate::evidence::{Evidence, Fit, Item, NAME_NATS, Names, Presupposed, Problem, Scored, Span};
+use crate::report::{DataFinding, SignalGap};
+use crate::signal::band::COMPARED_HZ;
+
+/// Part of the torque that nobody can tell: torque transducers and current sensors of class 0.5 are linear to half a per cent.
+const LINEAR: f64 = 0.005;
+/// Part of the torque by which a command may differ from it without a word.
+const COMMAND_TOLD: f64 = 0.05;
+
+/// A joint as it is regressed.
+#[derive(Clone)]
+pub struct Joint {
+    /// Among the robot's.
+    pub index: usize,
+    /// Where its torque is from.
+    pub source: TorqueSource,
+    /// What is compared.
+    pub rows: JointRows,
+    /// What the robot file needs of it beyond the rigid bodies.
+    pub drive: Drive,
+    /// Its torque's unit, where that is none that a torque constant's error could make.
+    pub unit: Option<Unit>,
+}
+
+/// A torque's unit.
+#[derive(Clone, Copy, Debug)]
+pub struct Unit {
+    /// In N m.
+    size_nm: f64,
+    /// By which it explains more than names without it, and other masses.
+    ahead_nats: f64,
+}
+
+/// A joint's sets of names, without and with a shared cause.
+pub struct Searched {
+    /// What decides among them.
+    pub evidence: Evidence,
+    /// What is told first, then the best first.
+    pub sets: Vec<Scored>,
+    /// Whether a smooth law on no list explains something that the names leave.
+    pub leaves_a_law: bool,
+}
+
+impl Searched {
+    /// Nats by which a joint is better told than it is by `other`, with the rows that both count as independent. `unit_nm`: of the
+    /// other's torque, here.
+    pub fn ahead_of(&self, other: &Self, unit_nm: f64) -> f64 {
+        let [own, others] = [self, other].map(|searched| {
+            let left: f64 = searched.sets[0].left.iter().sum();
+            let cost = searched.evidence.cost(searched.sets[0].names);
+            (left.max(f64::MIN_POSITIVE), cost)
+        });
+        let rows = |of: &Self| of.evidence.independent_rows();
+        let independent = rows(self).min(rows(other));
+        0.5 * independent * (unit_nm.powi(2) * others.0 / own.0).ln() + others.1 - own.1
+    }
+}
+
+impl Joint {
+    fn items(&self) -> Vec<Item<'_>> {
+        let expects_friction = self.drive.rubs_unmeasured();
+        let laws = self.rows.laws.iter();
+        laws.map(|(law, columns)| Item {
+            kind: law.kind(),
+            cost: law.cost(expects_friction),
+            presupposed: if expects_friction {
+                law.presupposes(self.rows.laws.iter().map(|(law, _)| *law))
+            } else {
+                Presupposed::NOTHING
+            },
+            deviation: law.deviation(),
+            is_usual: law.is_usual(),
+            columns,
+        })
+        .collect()
+    }
+
+    /// Friction that every joint has, where nobody measured it.
+    fn expected(&self) -> Names {
+        if !self.drive.rubs_unmeasured() {
+            return 0;
+        }
+        let laws = self.rows.laws.iter().enumerate();
+        laws.filter(|(_, (law, _))| law.is_expected())
+            .fold(0, |names, (place, _)| names | 1 << place)
+    }
+
+    /// Columns of a cause that the arm shares.
+    pub fn of_arm(&self, cause: Cause) -> &[Vec<f64>] {
+        match cause {
+            Cause::Payload => &self.rows.payload,
+            Cause::Tilt => &self.rows.tilt,
+        }
+    }
+
+    fn spans(&self) -> [Span; 1] {
+        let torque_nm = &self.rows.seen.measured_nm;
+        let square = torque_nm.iter().map(|x| x * x).sum::<f64>();
+        [Span {
+            rows: 0..self.rows.seen.count(),
+            floor_nm: LINEAR * (square / torque_nm.len().max(1) as f64).sqrt(),
+        }]
+    }
+
+    pub fn evidence<R>(&self, shared: Option<&Prior>, of: impl FnOnce(&Problem<'_>) -> R) -> R {
+        of(&Problem {
+            gap_nm: &self.rows.seen.gap_nm(),
+            spans: &self.spans(),
+            items: &self.items(),
+            tolerated: &[self.rows.tolerated.as_slice(), &self.rows.untold].concat(),
+            inexact: 0.0,
+            shared: shared.map(|prior| (prior.columns.as_slice(), &prior.message)),
+        })
+    }
+
+    pub fn signal_gap(&self) -> SignalGap {
+        let rows = self.rows.seen.count().max(1) as f64;
+        let gap_nm = self.rows.seen.gap_nm();
+        let square = gap_nm.iter().map(|x| x * x).sum::<f64>() / rows;
+        SignalGap {
+            signal: self.source.signal_name().to_owned(),
+            gap_to_noise: square.sqrt() / self.rows.noise_nm.max(f64::MIN_POSITIVE),
+        }
+    }
+
+    pub fn searched(&self, shared: Option<&Prior>) -> Searched {
+        let evidence = self.evidence(shared, Evidence::of);
+        let sets = evidence.best(|fit| self.is_possible(fit));
+        Searched {
+            evidence,
+            sets,
+            leaves_a_law: false,
+        }
+    }
+
+    /// Takes back names whose part of the gap a smooth law over what no name depends on explains better: the best set of the others,
+    /// beside such a law, where that is ahead of the best set.
+    pub fn without_imitations(&self, searched: &mut Searched) {
+        searched.leaves_a_law = imitation::take_back(
+            &mut searched.sets,
+            &searched.evidence,
+            &self.rows.seen,
+            <[f64]>::to_vec,
+            self.expected(),
+            |fit| self.is_possible(fit),
+        );
+    }
+
+    fn is_possible(&self, fit: &Fit) -> bool {
+        let rows = &self.rows;
+        let model = self.drive.model();
+        laws::is_possible(
+            fit,
+            |item| rows.laws[item].0,
+            |law| law.limits(model, rows.speed_rad_s, rows.inertia_kg_m2),
+            |velocity_rad_s| model.friction.drag_nm(velocity_rad_s, 0.0, 0.0, 0.0),
+            rows.speed_rad_s,
+        )
+    }
+
+    /// Searched without a shared cause, and from then on in another unit of torque, if that explains more than names do, or other masses
+    /// would. Where masses and friction need another torque by a factor that no torque constant is off by, the factor is unknown and beside
+    /// every set.
+    pub fn alone(&mut self) -> Searched {
+        let alone = self.searched(None);
+        let Some((other, searched, size_nm)) = self.in_other_unit() else {
+            return alone;
+        };
+        // masses may be missing, or too many; and a torque that does not follow what is needed at all follows it in no unit
+        let other_masses = self.searched(Some(&Prior {
+            columns: self.rows.payload.clone(),
+            message: Cause::Payload.prior(),
+        }));
+        let without = Self {
+            rows: self.rows.without_need(size_nm),
+            ..self.clone()
+        };
+        let ahead_nats = [
+            searched.ahead_of(&alone, size_nm),
+            searched.ahead_of(&other_masses, size_nm),
+            searched.ahead_of(&without.searched(None), 1.0),
+        ];
+        let ahead_nats = ahead_nats.into_iter().fold(f64::INFINITY, f64::min) - NAME_NATS;
+        if ahead_nats <= 0.0 {
+            return alone;
+        }
+        self.rows = other.rows;
+        self.unit = Some(Unit {
+            size_nm,
+            ahead_nats,
+        });
+        searched
+    }
+
+    fn in_other_unit(&self) -> Option<(Self, Searched, f64)> {
+        /// The unit settles beside the names, which settle with it.
+        const ROUNDS: usize = 2;
+        let mut laws = self.rows.laws.iter();
+        laws.find(|(law, _)| *law == Law::TorqueConstant)?;
+        let mut size_nm = self.rows.unit_nm;
+        let mut found = None;
+        for _ in 0..ROUNDS {
+            if size_nm <= 0.0 || (laws::GAIN[0]..laws::GAIN[1]).contains(&size_nm) {
+                return None;
+            }
+            let other = Self {
+                rows: self.rows.in_unit(size_nm),
+                ..self.clone()
+            };
+            let searched = other.searched(None);
+            let beside = searched.evidence.values_beside(searched.sets[0].names);
+            let part = 1.0 + beside[other.rows.tolerated.len()];
+            found = Some((other, searched, size_nm));
+            size_nm /= part;
+        }
+        found
+    }
+
+    /// What a reader should know of the torque's unit.
+    pub fn note_of_unit(&self, name: &str) -> Option<DataFinding> {
+        let Unit {
+            size_nm,
+            ahead_nats,
+        } = self.unit?;
+        let signal = self.source.signal_name();
+        Some(DataFinding {
+            joint: Some(name.to_owned()),
+            severity: "warning".to_owned(),
+            what: format!(
+                "{signal} is {:.2} times what the file's masses and friction need, by {ahead_nats:.0} nats a better explanation than any names \
+                 or masses; no torque constant is so far off. The joint is judged as if its torque were {size_nm:.3} times as large",
+                size_nm.recip()
+            ),
+            remedy: format!(
+                "in the mapping file, [joint.{name}], {signal}: check its scale (amperes, per cent, gear side)"
+            ),
+        })
+    }
+
+    /// What a reader should know of where the torque comes from.
+    pub fn notes(&self, name: &str) -> Vec<DataFinding> {
+        let note = |severity: &str, what: String, remedy: &str| DataFinding {
+            joint: Some(name.to_owned()),
+            severity: severity.to_owned(),
+            what,
+            remedy: remedy.to_owned(),
+        };
+        let mut notes = Vec::new();
+        match self.source {
+            TorqueSource::Sensor => notes.push(note(
+                "note",
+                "its torque is that of the sensor behind the gear, which does not feel the motor, its rotor and what the gear loses \
+                 before the sensor"
+                    .to_owned(),
+                "",
+            )),
+            TorqueSource::Controller => notes.push(note(
+                "note",
+                format!(
+                    "its torque is what the robot file's controller makes of reference and position; no torque was measured{}",
+                    if self.rows.feeds_rate {
+                        ""
+                    } else {
+                        ", and it leaves less where the controller brakes the whole velocity, not its difference from the reference's"
+                    },
+                ),
+                "",
+            )),
+            TorqueSource::Drive | TorqueSource::Command => {}
+        }
+        if let Some(command_nm) = &self.rows.command_nm {
+            let rms = |of: &dyn Fn(usize) -> f64| {
+                let rows = 0..self.rows.seen.count();
+                rows.map(|k| of(k).powi(2)).sum::<f64>().sqrt()
+            };
+            let apart = rms(&|k| command_nm[k] - self.rows.seen.measured_nm[k])
+                / rms(&|k| self.rows.seen.measured_nm[k]).max(f64::MIN_POSITIVE);
+            if apart > COMMAND_TOLD {
+                notes.push(note(
+                    "warning",
+                    format!(
+                        "command_torque_nm is not what the drive made: they differ by {:.0} % of the measured torque below {} Hz; \
+                         the joint is judged by the measured torque",
+                        100.0 * apart,
+                        COMPARED_HZ,
+                    ),
+                    "if the column is a model's torque and no command, leave it out of the mapping",
+                ));
+            }
+        }
+        notes
+    }
+}
