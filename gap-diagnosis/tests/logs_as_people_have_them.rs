@@ -333,6 +333,27 @@ fn lost_rows_are_bridged() {
 }
 
 #[test]
+fn a_joint_may_stand_in_one_of_the_recordings() {
+    let log = plain();
+    let standing = vec![
+        (Signal::LinkPositionRad, vec![0.3; log.time_s.len()]),
+        (Signal::MotorTorqueNm, vec![0.01; log.time_s.len()]),
+    ];
+    let recordings = [
+        (
+            "standing".to_owned(),
+            recording(log.time_s.clone(), standing),
+        ),
+        (
+            "moving".to_owned(),
+            recording(log.time_s.clone(), as_recorded(log)),
+        ),
+    ];
+    let told = diagnose(&robot(""), &recordings, &Options::default(), &|_| ());
+    is_told(&told.unwrap().report);
+}
+
+#[test]
 fn positions_alone_are_enough_where_the_controller_is_known() {
     let log = plain();
     let signals = vec![

@@ -35,6 +35,45 @@ pub fn findings(robot: &Robot, recording: &Recording) -> Vec<Finding> {
     more
 }
 
+/// What is wrong with recordings as ones of this robot. How a joint moves is judged by all that have it: it may stand in one of them.
+pub fn findings_of_all(robot: &Robot, recordings: &[&Recording]) -> Vec<Finding> {
+    let each: Vec<Vec<Finding>> = recordings
+        .iter()
+        .map(|recording| findings(robot, recording))
+        .collect();
+    let is_everywhere = |finding: &Finding| {
+        let Some(joint) = finding
+            .joint
+            .as_deref()
+            .filter(|_| is_of_motion(finding.kind))
+        else {
+            return true;
+        };
+        let same =
+            |other: &Finding| other.kind == finding.kind && other.joint.as_deref() == Some(joint);
+        let mut there = recordings.iter().zip(&each);
+        there.all(|(recording, found)| recording.joint(joint).is_err() || found.iter().any(same))
+    };
+    let mut all: Vec<Finding> = Vec::new();
+    for finding in each.iter().flatten() {
+        if is_everywhere(finding) && !all.contains(finding) {
+            all.push(finding.clone());
+        }
+    }
+    all
+}
+
+/// Whether it says how a joint moves.
+fn is_of_motion(kind: FindingKind) -> bool {
+    matches!(
+        kind,
+        FindingKind::NoMotion
+            | FindingKind::OneSpeed
+            | FindingKind::OneDirection
+            | FindingKind::OneFrequency
+    )
+}
+
 /// What the checks need to know of a robot.
 fn check_robot(robot: &Robot) -> CheckRobot {
     CheckRobot {
@@ -70,14 +109,7 @@ pub(crate) struct Checked {
 
 impl Checked {
     pub fn of(robot: &Robot, recordings: &[&Recording]) -> Self {
-        let mut all: Vec<Finding> = Vec::new();
-        for recording in recordings {
-            for finding in findings(robot, recording) {
-                if !all.contains(&finding) {
-                    all.push(finding);
-                }
-            }
-        }
+        let mut all = findings_of_all(robot, recordings);
         all.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
         Self { findings: all }
     }

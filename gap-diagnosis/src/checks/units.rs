@@ -121,6 +121,10 @@ fn torque(joint: &RobotJoint, columns: &JointColumns, moving: &Moving) -> Option
     let nearest = known
         .filter(|(unit, _)| distance(*unit) < NEAR)
         .min_by(|a, b| distance(a.0).total_cmp(&distance(b.0)));
+    // masses that are missing, or too many, may be any factor off
+    if nearest.is_none() && friction.is_none() {
+        return None;
+    }
     let (kind, it_may_be, unit) = match nearest {
         Some((unit, name)) => {
             let kind = if *name == "at the joint's side" {

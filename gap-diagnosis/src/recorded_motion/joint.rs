@@ -7,7 +7,7 @@ use super::shared::Prior;
 use super::signals::TorqueSource;
 use crate::evidence::arm::Cause;
 use crate::evidence::imitation;
-use crate::evidence::{Evidence, Fit, Item, NAME_NATS, Names, Presupposed, Problem, Scored, Span};
+use crate::evidence::{DEVIATIONS, Evidence, Fit, Item, Names, Presupposed, Problem, Scored, Span};
 use crate::report::{DataFinding, SignalGap};
 use crate::signal::band::COMPARED_HZ;
 
@@ -168,29 +168,36 @@ impl Joint {
     }
 
     /// Searched without a shared cause, and from then on in another unit of torque, if that explains more than names do, or other masses
-    /// would. Where masses and friction need another torque by a factor that no torque constant is off by, the factor is unknown and beside
+    /// would, by three standard deviations. Where masses and friction need another torque by a factor that no torque constant is off by, the factor is unknown and beside
     /// every set.
     pub fn alone(&mut self) -> Searched {
         let alone = self.searched(None);
         let Some((other, searched, size_nm)) = self.in_other_unit() else {
             return alone;
         };
-        // masses may be missing, or too many; and a torque that does not follow what is needed at all follows it in no unit
+        // Masses may be missing, or too many. Friction that was measured tells the unit as well, and other masses would be one more cause;
+        // who did not measure it knows the masses no better.
+        let masses_cost = if self.drive.rubs_unmeasured() {
+            0.0
+        } else {
+            Cause::Payload.cost()
+        };
         let other_masses = self.searched(Some(&Prior {
             columns: self.rows.payload.clone(),
             message: Cause::Payload.prior(),
         }));
+        // a torque that does not follow what is needed at all follows it in no unit
         let without = Self {
             rows: self.rows.without_need(size_nm),
             ..self.clone()
         };
         let ahead_nats = [
             searched.ahead_of(&alone, size_nm),
-            searched.ahead_of(&other_masses, size_nm),
+            searched.ahead_of(&other_masses, size_nm) + masses_cost,
             searched.ahead_of(&without.searched(None), 1.0),
         ];
-        let ahead_nats = ahead_nats.into_iter().fold(f64::INFINITY, f64::min) - NAME_NATS;
-        if ahead_nats <= 0.0 {
+        let ahead_nats = ahead_nats.into_iter().fold(f64::INFINITY, f64::min);
+        if ahead_nats < 0.5 * DEVIATIONS.powi(2) {
             return alone;
         }
         self.rows = other.rows;

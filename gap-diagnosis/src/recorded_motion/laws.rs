@@ -132,7 +132,7 @@ impl Law {
         match self {
             Self::Stribeck(_) => &[Self::Coulomb, Self::Viscous],
             Self::Quadratic => &[Self::Viscous],
-            Self::Asymmetric => &[Self::Coulomb],
+            Self::Asymmetric | Self::LoadDependent => &[Self::Coulomb],
             _ => &[],
         }
     }

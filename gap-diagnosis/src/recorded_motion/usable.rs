@@ -22,14 +22,7 @@ pub struct Usable {
 impl Usable {
     /// Of recordings of a robot.
     pub fn of(robot: &Robot, recordings: &[&Recording]) -> Self {
-        let mut found: Vec<Finding> = Vec::new();
-        for recording in recordings {
-            for finding in data::findings(robot, recording) {
-                if !found.contains(&finding) {
-                    found.push(finding);
-                }
-            }
-        }
+        let found = data::findings_of_all(robot, recordings);
         let mut usable = Self {
             read: Vec::new(),
             against: Vec::new(),
