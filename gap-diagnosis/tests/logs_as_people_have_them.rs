@@ -12,6 +12,7 @@ use robot::{Robot, RobotFile, Source};
 
 const RATIO: f64 = 100.0;
 const RATE_HZ: f64 = 500.0;
+const BEND_RAD: f64 = 1e-3;
 const KP: f64 = 300.0;
 const KD: f64 = 30.0;
 const SENSING: [&str; 3] = [
@@ -70,11 +71,10 @@ fn noise(state: &mut u64) -> f64 {
 }
 
 /// 10 s under a proportional and derivative controller, with friction of 3.0 Nm and 2.0 Nm s/rad, and `more` by the time since the
-/// direction changed.
-fn log(more: impl Fn(f64) -> f64) -> Log {
+/// direction changed. Friction gives way after `bend_rad`.
+fn log(more: impl Fn(f64) -> f64, bend_rad: f64) -> Log {
     const FINE: usize = 20;
     const ENCODER_RAD: f64 = 1e-5;
-    const BEND_RAD: f64 = 1e-3;
     let inertia_kg_m2 = 0.025 + 2.0 * 0.25 * 0.25 + 1e-5 * RATIO * RATIO;
     let step_s = 1.0 / RATE_HZ / FINE as f64;
     let reference =
@@ -115,7 +115,7 @@ fn log(more: impl Fn(f64) -> f64) -> Log {
             let before = v;
             v += step_s * (torque_nm - weight_nm - friction_nm) / inertia_kg_m2;
             q += step_s * v;
-            bend = (bend + step_s * v / BEND_RAD).clamp(-1.0, 1.0);
+            bend = (bend + step_s * v / bend_rad).clamp(-1.0, 1.0);
             since_s = if before * v < 0.0 {
                 0.0
             } else {
@@ -128,7 +128,7 @@ fn log(more: impl Fn(f64) -> f64) -> Log {
 }
 
 fn plain() -> Log {
-    log(|_| 0.0)
+    log(|_| 0.0, BEND_RAD)
 }
 
 fn recording(time_s: Vec<f64>, signals: Vec<(Signal, Vec<f64>)>) -> Recording {
@@ -333,6 +333,20 @@ fn lost_rows_are_bridged() {
 }
 
 #[test]
+fn a_joint_that_sticks_wherever_it_turns_has_no_other_friction() {
+    // less than its encoder shows
+    let log = log(|_| 0.0, 5e-6);
+    let report = told(&robot(""), recording(log.time_s.clone(), as_recorded(log)));
+    is_told(&report);
+    let joint = &report.joints[0];
+    let all = joint.effects.iter().chain(&joint.minor_effects);
+    let names: Vec<_> = all
+        .map(|effect| (effect.effect.as_str(), effect.share, &effect.parameters))
+        .collect();
+    assert_eq!(names.len(), 2, "{names:?}");
+}
+
+#[test]
 fn a_joint_may_stand_in_one_of_the_recordings() {
     let log = plain();
     let standing = vec![
@@ -381,7 +395,7 @@ fn positions_alone_are_not_enough_without() {
 
 #[test]
 fn friction_stays_named_beside_a_law_on_no_list() {
-    let log = log(|since_s| 2.0 * (1.0 - (-since_s / 0.4).exp()));
+    let log = log(|since_s| 2.0 * (1.0 - (-since_s / 0.4).exp()), BEND_RAD);
     let report = told(&robot(""), recording(log.time_s.clone(), as_recorded(log)));
     let joint = &report.joints[0];
     assert_eq!(joint.verdict, Verdict::PartlyExplained);

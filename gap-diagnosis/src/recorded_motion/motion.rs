@@ -218,12 +218,13 @@ fn joint(
         _ => torque_nm.as_deref().and_then(noise_std),
     };
     let step_rad = step(&raw_rad);
-    let moving = is_moving(&raw_rad, step_rad, rate_hz);
+    let velocity_rad_s = derivative(&smooth_rad, 1.0 / rate_hz);
+    let moving = is_moving(&raw_rad, &velocity_rad_s, step_rad, rate_hz);
     Ok(JointMotion {
         noise_nm: noise_nm.unwrap_or(0.0),
         step_rad: step_rad.map(|step_rad| step_rad / scale.abs()),
         recorded_hz: rate_hz,
-        velocity_rad_s: thinned(&derivative(&smooth_rad, 1.0 / rate_hz), every),
+        velocity_rad_s: thinned(&velocity_rad_s, every),
         acceleration_rad_s2: thinned(&second_derivative(&smooth_rad, 1.0 / rate_hz), every),
         position_rad: thinned(&smooth_rad, every),
         torque_nm: limited(torque_nm)?,
@@ -234,25 +235,44 @@ fn joint(
     })
 }
 
-/// Row by row, whether a joint goes further than its encoder's step, or where that is not seen its noise, during a period of the
-/// fastest motion that is compared.
-fn is_moving(position_rad: &[f64], step_rad: Option<f64>, rate_hz: f64) -> Vec<bool> {
+/// Row by row, whether a joint moves, and has and will as far as the compared band reaches: while it stands friction may be anything up to
+/// its breakaway. It stands where it goes no further than its encoder's step, or where that is not seen its noise, in the time in which it
+/// usually goes three times as far, and no less than a period of motion. Where that is more than one of the band, nothing tells motion from
+/// standing.
+fn is_moving(
+    position_rad: &[f64],
+    velocity_rad_s: &[f64],
+    step_rad: Option<f64>,
+    rate_hz: f64,
+) -> Vec<bool> {
     // one step to and fro is no motion; nor is noise within its deviations to both sides
     let still_rad = match step_rad {
         Some(step_rad) => 1.5 * step_rad,
         None => 2.0 * DEVIATIONS * noise_std(position_rad).unwrap_or(0.0),
     };
-    let around = (0.5 * rate_hz / COMPARED_HZ).ceil() as usize;
-    let range_rad = |row: usize| {
-        let near = row.saturating_sub(around)..(row + around + 1).min(position_rad.len());
-        let ends = (f64::INFINITY, f64::NEG_INFINITY);
-        let (least, most) = position_rad[near]
-            .iter()
-            .fold(ends, |(least, most), rad| (least.min(*rad), most.max(*rad)));
-        most - least
+    let square = velocity_rad_s.iter().map(|v| v * v).sum::<f64>();
+    let usual_rad_s = (square / velocity_rad_s.len().max(1) as f64).sqrt();
+    let time_s = DEVIATIONS * still_rad / usual_rad_s.max(f64::MIN_POSITIVE);
+    if time_s > COMPARED_HZ.recip() {
+        return vec![false; position_rad.len()];
+    }
+    let time_s = time_s.max(MOTION_HZ.recip());
+    let near = |row: usize, time_s: f64| {
+        let around = (0.5 * time_s * rate_hz).ceil() as usize;
+        row.saturating_sub(around)..(row + around + 1).min(position_rad.len())
     };
+    let stands: Vec<bool> = (0..position_rad.len())
+        .map(|row| {
+            let ends = (f64::INFINITY, f64::NEG_INFINITY);
+            let (least, most) = position_rad[near(row, time_s)]
+                .iter()
+                .fold(ends, |(least, most), rad| (least.min(*rad), most.max(*rad)));
+            most - least <= still_rad
+        })
+        .collect();
+    // the band's filter goes over the rows both ways
     (0..position_rad.len())
-        .map(|row| range_rad(row) > still_rad)
+        .map(|row| !near(row, 2.0 / COMPARED_HZ).any(|row| stands[row]))
         .collect()
 }
 

@@ -10,7 +10,7 @@ use super::motion::{JointMotion, Piece};
 use super::presliding::{self, Presliding};
 use super::signals::TorqueSource;
 use crate::evidence::rows::Rows;
-use crate::signal::band::Band;
+use crate::signal::band::{Band, MOTION_HZ};
 use crate::signal::smooth::derivative;
 use crate::twin::known::PART_MIN;
 
@@ -339,8 +339,8 @@ impl JointRows {
         if let Some(torque_nm) = motion.torque_nm(self.feeds_rate) {
             let smooth_nm = kept.band.limit(&torque_nm)?;
             let mut untold = vec![kept.raw(&clock(&smooth_nm, piece, motion))];
-            for other in self.presliding.others() {
-                let bent = other.slip(motion);
+            let others = self.presliding.others().map(|other| other.slip(motion));
+            for bent in others.into_iter().chain([turned_earlier(&slip, piece)]) {
                 let both = bent.iter().zip(&slip);
                 let apart: Vec<f64> = both.map(|(a, b)| self.dry_nm * (a - b)).collect();
                 untold.push(kept.limited(&apart)?);
@@ -369,6 +369,15 @@ impl JointRows {
             .extend(kept.rows.iter().map(|row| piece.time_s(*row)));
         Ok(())
     }
+}
+
+/// Friction that turns round before the joint does, which sticks there for less time than its standing would be seen in.
+fn turned_earlier(slip: &[f64], piece: &Piece) -> Vec<f64> {
+    let rows = (0.5 * piece.rate_hz / MOTION_HZ).ceil() as usize;
+    let last = slip.len().saturating_sub(1);
+    (0..slip.len())
+        .map(|row| slip[(row + rows).min(last)])
+        .collect()
 }
 
 /// How a torque changes by a standard deviation of its samples' time.
