@@ -30,12 +30,11 @@ use crate::closed_loop::search::{Model, Search, Term};
 use crate::diagnose::{
     DiagnoseError, Diagnosis, JointTraces, Prepared, Progress, blank_report, insufficient, prepared,
 };
-use crate::evidence::arm::Shared;
 use crate::evidence::imitation;
 use crate::evidence::rows::Rows;
 use crate::evidence::shares::Interval;
-use crate::evidence::told::{Found, MATERIALITY, Said};
-use crate::evidence::{ERRORS, Evidence, Problem, Scored};
+use crate::evidence::told::{Found, MATERIALITY, Said, TEMPERATURE};
+use crate::evidence::{ERRORS, Evidence, Scored};
 use crate::on_all_cores::OnAllCores;
 use crate::report::{
     BeforeAfter, Candidate, DataFinding, Gap, JointReport, JointShare, SignalGap, Verdict,
@@ -65,8 +64,8 @@ struct Joint<'a> {
 
 /// What the arm shares.
 struct Arm<'a> {
-    /// Name of a cause.
-    shared: Option<&'static str>,
+    /// Name of a cause, and its columns.
+    shared: Option<(&'static str, usize)>,
     /// A delay of its bus.
     common: Option<&'a CommonDelay>,
 }
@@ -310,11 +309,6 @@ impl<'a> Joint<'a> {
         let settled = explained.evidence.settled();
         let mut above = left.iter().zip(settled);
         let is_at_floor = above.all(|(left, settled)| *left <= ERRORS.powi(2) * settled.floor);
-        let without_cause = |_| {
-            let beside = |problem: &Problem<'_>| Evidence::beside(problem, &explained.evidence);
-            explained.about.evidence(&self.compared, None, beside)
-        };
-        let alone = arm.shared.map(without_cause);
         let called = Responses {
             search: &self.search,
             about: &explained.about,
@@ -326,11 +320,10 @@ impl<'a> Joint<'a> {
             gear_ratio: self.search.scale.gear_ratio,
             noise_square: explained.evidence.floor_square(best.names),
             evidence: &explained.evidence,
-            alone: alone.as_ref().unwrap_or(&explained.evidence),
             sets: &explained.sets,
             leaves_a_law: !is_at_floor,
             is_at_floor: Some(is_at_floor),
-            shared: arm.shared,
+            shared: arm.shared.as_slice(),
             signals: self.signals(&gap_nm),
             is_one_frequency: self.poverty == Some(ONE_FREQUENCY),
             materiality,
@@ -340,7 +333,7 @@ impl<'a> Joint<'a> {
         } = found.said(&self.others_moving());
         report.gap = self.gap(&report, &gap_nm, left[0]);
         let settled_share = self.settled_share(explained, &gap_nm);
-        let shared = shared.map(|share| {
+        let shared = shared.first().map(|share| {
             let rest = 1.0 - settled_share;
             Interval {
                 value: rest * share.value,
@@ -573,13 +566,13 @@ pub fn diagnose(
             explained.push(alone);
         }
         let found = shared::found(robot, &all, &begins, &explained)?;
-        let cause = found.map(|(shared, with)| {
+        let cause = found.map(|(shared, nats, with)| {
             explained = with;
-            shared
+            (shared, nats)
         });
         let common = common_delay(counted);
         let arm = Arm {
-            shared: cause.as_ref().map(Shared::name),
+            shared: cause.as_ref().map(|(shared, _)| shared.named()),
             common: common.as_ref(),
         };
         let told = all
@@ -636,7 +629,10 @@ pub fn diagnose(
             report.data.extend(findings);
             traces.push(told.traces);
         }
-        let of_cause = cause.map(|cause| cause.told(of_cause));
+        let of_cause = cause.map(|(shared, nats)| {
+            let probability = 1.0 / (1.0 + (-nats / TEMPERATURE).exp());
+            shared.told(probability, of_cause)
+        });
         let of_delay = common.map(|common| shared::told_delay(&common, robot, of_delay));
         report.shared_effects = of_cause.into_iter().chain(of_delay).collect();
     }

@@ -16,8 +16,8 @@ use crate::evidence::arm::{self, Cause, ROUNDS, Shared};
 use crate::on_all_cores::OnAllCores;
 use crate::report::{JointShare, SharedEffect};
 
-/// A cause, and every joint that has a twin beside it.
-type Beside = (Shared, Vec<Option<Explained>>);
+/// A cause, by how many nats the joints are better told with it, and every joint that has a twin beside it.
+type Beside = (Shared, f64, Vec<Option<Explained>>);
 
 /// One step of each amplitude of its hypothesis.
 fn steps(cause: Cause, joint: &Joint<'_>, hypothesis: &Hypothesis) -> Vec<f64> {
@@ -66,7 +66,7 @@ fn beside(
     let of_arm = OfArm {
         columns,
         said: said.to_vec(),
-        message: cause.prior(),
+        message: arm::prior(&[cause]),
     };
     let mut about = About {
         gap_nm: joint.compared.pick(&search.residual_nm(&model)?),
@@ -87,10 +87,7 @@ pub(super) fn found<'a>(
     let mut best: Option<Beside> = None;
     for cause in Cause::ALL {
         let found = worth(robot, joints, begins, alone, cause)?;
-        let is_better = |found: &(Shared, _)| {
-            best.as_ref()
-                .is_none_or(|(best, _)| found.0.nats > best.nats)
-        };
+        let is_better = |found: &Beside| best.as_ref().is_none_or(|best| found.1 > best.1);
         if let Some(found) = found.filter(is_better) {
             best = Some(found);
         }
@@ -136,7 +133,7 @@ fn worth<'a>(
                 _ => None,
             })
             .collect();
-        let together = arm::all(cause, &messages);
+        let together = arm::all(&[cause], &messages);
         let Some((next, _)) = together.said() else {
             return Ok(None);
         };
@@ -146,7 +143,7 @@ fn worth<'a>(
         }
         said = next;
     }
-    let others = arm::others(cause, &messages);
+    let others = arm::others(&[cause], &messages);
     let with = joints
         .iter()
         .zip(all)
@@ -171,8 +168,9 @@ fn worth<'a>(
             with.evidence.message(with.sets[0].names)
         })
         .collect();
-    let shared = cause.found(robot, &own, gained_nats);
-    Ok(shared.map(|shared| (shared, with)))
+    let shared = arm::found(&[cause], robot, &own, gained_nats);
+    let first = shared.and_then(|(shared, nats)| Some((shared.into_iter().next()?, nats)));
+    Ok(first.map(|(shared, nats)| (shared, nats, with)))
 }
 
 /// A delay of the bus, for the report.

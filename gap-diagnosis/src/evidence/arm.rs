@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 use robot::{Effect, Robot};
 
-use super::told::{self, TEMPERATURE};
+use super::told;
 use super::{AMPLITUDE_NATS, ERRORS, Message, NAME_NATS};
 use crate::report::{JointShare, NamedEffect, SharedEffect};
 
@@ -44,15 +44,6 @@ impl Cause {
         }
     }
 
-    /// What is said of it when nothing was looked at.
-    pub fn prior(self) -> Message {
-        let count = self.amplitudes();
-        Message {
-            precision: DMatrix::identity(count, count) / self.deviation().powi(2),
-            pull: DVector::zeros(count),
-        }
-    }
-
     /// The effect's name.
     pub fn name(self) -> &'static str {
         match self {
@@ -73,22 +64,6 @@ impl Cause {
                 pitch_rad: said[1],
             },
         }
-    }
-
-    /// The cause by what each joint says of it, where it is worth its cost with what the joints gain by it together, and an arm can have it.
-    pub fn found(self, robot: &Robot, own: &[Option<Message>], gained_nats: f64) -> Option<Shared> {
-        let nats = gained_nats - self.cost();
-        let (said, covariance) = all(self, own).said()?;
-        if nats <= 0.0 || !self.can_be(robot, &said, &covariance) {
-            return None;
-        }
-        let errors = covariance.diagonal();
-        Some(Shared {
-            cause: self,
-            effect: self.effect(said.as_slice()),
-            std: errors.iter().map(|x| x.max(0.0).sqrt()).collect(),
-            nats,
-        })
     }
 
     /// Whether an arm can have it: no more can be missing at its end than the last link weighs, as far as its error tells, and what hangs
@@ -122,18 +97,25 @@ pub struct Shared {
     cause: Cause,
     effect: Effect,
     std: Vec<f64>,
-    /// By which the joints are better told with it.
-    pub nats: f64,
 }
 
 impl Shared {
-    /// Name of the cause.
-    pub fn name(&self) -> &'static str {
-        self.cause.name()
+    /// Which.
+    pub fn cause(&self) -> Cause {
+        self.cause
+    }
+
+    /// Its name, and how many columns it has.
+    pub fn named(&self) -> (&'static str, usize) {
+        (self.cause.name(), self.cause.amplitudes())
     }
 
     /// For the report, with what it takes of each joint's gap.
-    pub fn told(self, joint_shares: BTreeMap<String, JointShare>) -> SharedEffect {
+    pub fn told(
+        self,
+        probability: f64,
+        joint_shares: BTreeMap<String, JointShare>,
+    ) -> SharedEffect {
         let mut parameters = told::parameters(&self.effect);
         let names: &[&str] = match self.cause {
             Cause::Payload => &["mass_kg"],
@@ -148,8 +130,8 @@ impl Shared {
         let mean = |of: fn(&JointShare) -> f64| joint_shares.values().map(of).sum::<f64>() / count;
         SharedEffect {
             effect: NamedEffect {
-                effect: self.name().to_owned(),
-                probability: 1.0 / (1.0 + (-self.nats / TEMPERATURE).exp()),
+                effect: self.cause.name().to_owned(),
+                probability,
                 parameters,
                 side: None,
                 share: mean(|share| share.share),
@@ -179,19 +161,72 @@ impl Message {
     }
 }
 
+/// Numbers that causes have together.
+pub fn amplitudes(causes: &[Cause]) -> usize {
+    causes.iter().map(|cause| cause.amplitudes()).sum()
+}
+
+/// What causes cost the whole arm, in nats.
+pub fn cost(causes: &[Cause]) -> f64 {
+    causes.iter().map(|cause| cause.cost()).sum()
+}
+
+/// What is said of causes when nothing was looked at.
+pub fn prior(causes: &[Cause]) -> Message {
+    let precision = causes.iter().flat_map(|cause| {
+        let of_each = cause.deviation().powi(-2);
+        std::iter::repeat_n(of_each, cause.amplitudes())
+    });
+    let precision = DVector::from_iterator(amplitudes(causes), precision);
+    Message {
+        pull: DVector::zeros(precision.len()),
+        precision: DMatrix::from_diagonal(&precision),
+    }
+}
+
 /// What each joint's others say, from what each says beside its names.
-pub fn others(cause: Cause, own: &[Option<Message>]) -> Vec<Message> {
+pub fn others(causes: &[Cause], own: &[Option<Message>]) -> Vec<Message> {
     (0..own.len())
         .map(|joint| {
             let beside = own.iter().enumerate().filter(|(k, _)| *k != joint);
             let said = beside.filter_map(|(_, message)| message.as_ref());
-            said.fold(cause.prior(), |sum, message| sum.and(message))
+            said.fold(prior(causes), |sum, message| sum.and(message))
         })
         .collect()
 }
 
 /// What all say.
-pub fn all(cause: Cause, own: &[Option<Message>]) -> Message {
+pub fn all(causes: &[Cause], own: &[Option<Message>]) -> Message {
     let said = own.iter().flatten();
-    said.fold(cause.prior(), |sum, message| sum.and(message))
+    said.fold(prior(causes), |sum, message| sum.and(message))
+}
+
+/// Causes by what each joint says of them, where they are worth their cost with what the joints gain by them together, and an arm can have
+/// them; and by how many nats.
+pub fn found(
+    causes: &[Cause],
+    robot: &Robot,
+    own: &[Option<Message>],
+    gained_nats: f64,
+) -> Option<(Vec<Shared>, f64)> {
+    let nats = gained_nats - cost(causes);
+    let (said, covariance) = all(causes, own).said()?;
+    let mut from = 0;
+    let mut shared = Vec::new();
+    for cause in causes {
+        let count = cause.amplitudes();
+        let said = said.rows(from, count).into_owned();
+        let covariance = covariance.view((from, from), (count, count)).into_owned();
+        if nats <= 0.0 || !cause.can_be(robot, &said, &covariance) {
+            return None;
+        }
+        let errors = covariance.diagonal();
+        shared.push(Shared {
+            cause: *cause,
+            effect: cause.effect(said.as_slice()),
+            std: errors.iter().map(|x| x.max(0.0).sqrt()).collect(),
+        });
+        from += count;
+    }
+    Some((shared, nats))
 }

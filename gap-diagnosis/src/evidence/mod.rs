@@ -188,14 +188,6 @@ impl Evidence {
         evidence
     }
 
-    /// Of a problem that is told beside another, by what that one's best set leaves.
-    pub fn beside(problem: &Problem<'_>, other: &Self) -> Self {
-        let mut evidence = Self::begun(problem);
-        evidence.settled.clone_from(&other.settled);
-        evidence.eliminate();
-        evidence
-    }
-
     /// The same of some names alone, with smooth laws beside them, each one more place behind the items.
     pub fn with_smooth(&self, names: Names, smooth: &[Smooth]) -> Self {
         let mut columns: Vec<Vec<f64>> = Vec::new();

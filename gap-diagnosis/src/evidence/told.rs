@@ -60,18 +60,16 @@ pub struct Found<'a> {
     pub gear_ratio: f64,
     /// Sum of squares that noise and the twin make up, of all rows.
     pub noise_square: f64,
-    /// With the shared cause, if the arm has one.
+    /// With what the arm shares.
     pub evidence: &'a Evidence,
-    /// Without it.
-    pub alone: &'a Evidence,
     /// Sets by score.
     pub sets: &'a [Scored],
     /// Whether a smooth law on no list explains something that the names leave.
     pub leaves_a_law: bool,
     /// Whether the best set leaves no more than what a twin may be off by; none where nothing tells that, and the noise decides.
     pub is_at_floor: Option<bool>,
-    /// Name of the arm's shared cause, if it has one.
-    pub shared: Option<&'static str>,
+    /// Names of what the arm shares, with how many columns each has, in their order.
+    pub shared: &'a [(&'static str, usize)],
     /// The gap of each compared signal.
     pub signals: Vec<SignalGap>,
     /// Whether the joint swings at one frequency, at which a law with a state is two numbers.
@@ -84,8 +82,8 @@ pub struct Found<'a> {
 pub struct Said {
     /// For the report.
     pub report: JointReport,
-    /// The shared cause's share here.
-    pub shared: Option<Interval>,
+    /// Shares here of what the arm shares.
+    pub shared: Vec<Interval>,
     /// What the names predict of the gap.
     pub fit: Fit,
 }
@@ -106,23 +104,26 @@ impl Found<'_> {
             .collect()
     }
 
-    /// What each name takes off, of what the file's values, and the shared cause as it is here, leave beside all of them.
+    /// What each name takes off, of what the file's values, and what the arm shares as it is here, leave beside all of them.
     fn game(&self, scored: &Scored) -> Game {
         let players = self.players(scored);
-        let count = players.len() + usize::from(self.shared.is_some());
+        let count = players.len() + self.shared.len();
         let beside = self.evidence.values_beside(scored.names);
         let left = (0..1_usize << count).map(|set| {
             let chosen = players.iter().enumerate();
             let names = chosen
                 .filter(|(place, _)| set & (1 << place) != 0)
                 .fold(0, |names: Names, (_, index)| names | 1 << index);
-            let with_shared = self.shared.is_some() && set & (1 << players.len()) != 0;
-            let evidence = if with_shared {
-                self.evidence
-            } else {
-                self.alone
-            };
-            evidence.left_at(names, &beside)
+            // the columns of what the arm shares are the last
+            let mut values = beside.clone();
+            let mut end = values.len();
+            for (place, (_, columns)) in self.shared.iter().enumerate().rev() {
+                if set & (1 << (players.len() + place)) == 0 {
+                    values[end - columns..end].fill(0.0);
+                }
+                end -= columns;
+            }
+            self.evidence.left_at(names, &values)
         });
         Game {
             left: left.collect(),
@@ -152,7 +153,7 @@ impl Found<'_> {
                 .collect::<Vec<NamedEffect>>()
         });
         effects.sort_by(|a, b| b.share.total_cmp(&a.share));
-        let shared = self.shared.map(|_| shares.of[shares.of.len() - 1]);
+        let shared = shares.of[shares.of.len() - self.shared.len()..].to_vec();
         let gap_nm = self.rows.gap_nm();
         // the rows are those of the first signal
         let rest_nm: Vec<f64> = self.evidence.gap_nm()[..self.rows.count()]
@@ -182,9 +183,9 @@ impl Found<'_> {
             .unwrap_or(remaining_over.is_empty() && left <= self.materiality * torque);
         let candidates = self.candidates(&weights, &shares, is_quiet);
         let taken: f64 = effects.iter().map(|effect| effect.share).sum::<f64>()
-            + shared.map_or(0.0, |shared| shared.value);
+            + shared.iter().map(|shared| shared.value).sum::<f64>();
         let gap = self.gap(&best, &shares, &gap_nm, nothing);
-        let has_names = !effects.is_empty() || shared.is_some_and(|s| s.value >= self.materiality);
+        let has_names = !effects.is_empty() || shared.iter().any(|s| s.value >= self.materiality);
         let confusable = self.confusable(&best);
         let is_sure = is_sure(&candidates, &confusable);
         let verdict = if !has_names {
@@ -290,7 +291,7 @@ impl Found<'_> {
                 Some(place) if shares.of[place].value >= shares.remaining.value => {
                     match players.get(place) {
                         Some(index) => self.name_in(set.names, *index),
-                        None => self.shared.unwrap_or("unknown"),
+                        None => self.shared[place - players.len()].0,
                     }
                 }
                 Some(_) => "unknown",

@@ -5,7 +5,7 @@ use super::laws::{self, Law};
 use super::rows::JointRows;
 use super::shared::Prior;
 use super::signals::TorqueSource;
-use crate::evidence::arm::Cause;
+use crate::evidence::arm::{self, Cause};
 use crate::evidence::imitation;
 use crate::evidence::{DEVIATIONS, Evidence, Fit, Item, Names, Presupposed, Problem, Scored, Span};
 use crate::report::{DataFinding, SignalGap};
@@ -46,8 +46,8 @@ pub struct Searched {
     pub evidence: Evidence,
     /// What is told first, then the best first.
     pub sets: Vec<Scored>,
-    /// Whether a smooth law on no list explains something that the names leave.
-    pub leaves_a_law: bool,
+    /// Whether a smooth law on no list explains something that the names leave; none before that was looked at.
+    pub leaves_a_law: Option<bool>,
 }
 
 impl Searched {
@@ -138,21 +138,24 @@ impl Joint {
         Searched {
             evidence,
             sets,
-            leaves_a_law: false,
+            leaves_a_law: None,
         }
     }
 
     /// Takes back names whose part of the gap a smooth law over what no name depends on explains better: the best set of the others,
     /// beside such a law, where that is ahead of the best set.
     pub fn without_imitations(&self, searched: &mut Searched) {
-        searched.leaves_a_law = imitation::take_back(
+        if searched.leaves_a_law.is_some() {
+            return;
+        }
+        searched.leaves_a_law = Some(imitation::take_back(
             &mut searched.sets,
             &searched.evidence,
             &self.rows.seen,
             <[f64]>::to_vec,
             self.expected(),
             |fit| self.is_possible(fit),
-        );
+        ));
     }
 
     fn is_possible(&self, fit: &Fit) -> bool {
@@ -184,7 +187,7 @@ impl Joint {
         };
         let other_masses = self.searched(Some(&Prior {
             columns: self.rows.payload.clone(),
-            message: Cause::Payload.prior(),
+            message: arm::prior(&[Cause::Payload]),
         }));
         // a torque that does not follow what is needed at all follows it in no unit
         let without = Self {

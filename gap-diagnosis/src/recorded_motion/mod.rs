@@ -24,18 +24,17 @@ use crate::diagnose::{
     DiagnoseError, Diagnosis, JointTraces, Progress, blank_report, insufficient,
 };
 use crate::evidence::Fit;
-use crate::evidence::arm::Shared;
+use crate::evidence::arm::{Cause, Shared};
 use crate::evidence::shares::Interval;
 use crate::evidence::told::{Found, Said};
 use crate::on_all_cores::OnAllCores;
 use crate::report::{DataFinding, JointShare, TwinKind};
 
 use dynamics::{Drive, Torques};
-use joint::Joint;
+use joint::{Joint, Searched};
 use laws::Laws;
 use motion::{Piece, Read};
 use rows::{JointRows, Sign};
-use shared::{Both, searched, without_imitations};
 use signals::TorqueSource;
 use usable::Usable;
 
@@ -93,19 +92,18 @@ pub fn diagnose(
         }
         let mut joints = of_right_sign;
         report.data.extend(untold(robot, &usable.read, &pieces));
-        let (mut searched, mut shared) = searched(robot, &mut joints, progress);
-        without_imitations(&joints, &mut searched);
-        let mut said = said(robot, &joints, &searched, shared.as_ref(), materiality);
-        if shared.is_some() && !matters(&said, materiality) {
-            // what explains little of every joint is no cause of theirs
-            shared = None;
-            for both in &mut searched {
-                both.with = None;
-            }
-            without_imitations(&joints, &mut searched);
-            said = self::said(robot, &joints, &searched, None, materiality);
-        }
-        let mut of_shared = BTreeMap::new();
+        let (mut alone, mut all) = shared::searched(robot, &mut joints, progress);
+        let probabilities = Cause::ALL.map(|cause| shared::probability(cause, &all));
+        // what explains little of every joint is no cause of theirs
+        let told = all.iter_mut().find_map(|found| {
+            without_imitations(&joints, &mut alone, &mut found.with);
+            let said = said(robot, &joints, &alone, found, materiality);
+            let mut places = 0..found.shared.len();
+            let all_matter = places.all(|place| matters(&said, place, materiality));
+            all_matter.then(|| (std::mem::take(&mut found.shared), said))
+        });
+        let (shared, said) = told.unwrap_or_default();
+        let mut of_shared = vec![BTreeMap::new(); shared.len()];
         let mut told = joints.iter().zip(said).peekable();
         for (index, file) in robot.joints.iter().enumerate() {
             let next = told.next_if(|(joint, _)| joint.index == index);
@@ -115,13 +113,13 @@ pub fn diagnose(
                 report.joints.push(insufficient(&file.name, why));
                 continue;
             };
-            if let Some(share) = said.shared {
+            for (of_joints, share) in of_shared.iter_mut().zip(&said.shared) {
                 let share = JointShare {
                     share: share.value,
                     share_low: share.low,
                     share_high: share.high,
                 };
-                of_shared.insert(file.name.clone(), share);
+                of_joints.insert(file.name.clone(), share);
             }
             report.data.extend(joint.notes(&file.name));
             report.data.extend(joint.note_of_unit(&file.name));
@@ -130,7 +128,11 @@ pub fn diagnose(
         }
         report.shared_effects = shared
             .into_iter()
-            .map(|shared| shared.told(of_shared.clone()))
+            .zip(of_shared)
+            .map(|(shared, of_joints)| {
+                let probability = probabilities[shared.cause() as usize];
+                shared.told(probability, of_joints)
+            })
             .collect();
     } else {
         let both = robot.joints.iter().zip(usable.against);
@@ -182,16 +184,26 @@ fn untold(robot: &Robot, read: &[Read], pieces: &[Piece]) -> Option<DataFinding>
     })
 }
 
+/// Takes back what only imitates a smooth law, joint by joint.
+fn without_imitations(joints: &[Joint], alone: &mut [Searched], with: &mut [Option<Searched>]) {
+    let all = joints.iter().zip(alone).zip(with);
+    all.on_all_cores(|((joint, alone), with)| {
+        joint.without_imitations(with.as_mut().unwrap_or(alone));
+    })
+    .for_each(drop);
+}
+
 /// What is said of every joint.
 fn said(
     robot: &Robot,
     joints: &[Joint],
-    searched: &[Both],
-    shared: Option<&Shared>,
+    alone: &[Searched],
+    found: &shared::Found,
     materiality: f64,
 ) -> Vec<Said> {
-    let both = joints.iter().zip(searched).enumerate();
-    both.on_all_cores(|(place, (joint, Both { alone, with }))| {
+    let named: Vec<(&'static str, usize)> = found.shared.iter().map(Shared::named).collect();
+    let both = joints.iter().zip(alone).zip(&found.with).enumerate();
+    both.on_all_cores(|(place, ((joint, alone), with))| {
         let best = with.as_ref().unwrap_or(alone);
         let called = Laws {
             all: joint.rows.laws.iter().map(|(law, _)| *law).collect(),
@@ -210,11 +222,10 @@ fn said(
             noise_square: (joint.rows.noise_nm.powi(2) * joint.rows.seen.count() as f64)
                 .min(best.sets[0].left.iter().sum()),
             evidence: &best.evidence,
-            alone: &alone.evidence,
             sets: &best.sets,
-            leaves_a_law: best.leaves_a_law,
+            leaves_a_law: best.leaves_a_law.unwrap_or(false),
             is_at_floor: None,
-            shared: with.as_ref().and(shared).map(Shared::name),
+            shared: if with.is_some() { &named } else { &[] },
             signals: vec![joint.signal_gap()],
             // no law of the motion has a state
             is_one_frequency: false,
@@ -226,8 +237,9 @@ fn said(
 }
 
 /// Whether a shared cause takes a part of the joints' gaps on average, and for certain: few arms have one.
-fn matters(said: &[Said], materiality: f64) -> bool {
-    let shares: Vec<Interval> = said.iter().filter_map(|said| said.shared).collect();
+fn matters(said: &[Said], place: usize, materiality: f64) -> bool {
+    let shares = said.iter().filter_map(|said| said.shared.get(place));
+    let shares: Vec<Interval> = shares.copied().collect();
     let mean =
         |of: fn(&Interval) -> f64| shares.iter().map(of).sum::<f64>() / shares.len().max(1) as f64;
     mean(|share| share.value) >= materiality && mean(|share| share.low) > 0.0

@@ -7,24 +7,18 @@ use robot::Robot;
 use super::joint::{Joint, Searched};
 use crate::diagnose::Progress;
 use crate::evidence::arm::{self, Cause, ROUNDS, Shared};
+use crate::evidence::told::TEMPERATURE;
 use crate::evidence::{Evidence, Message};
 use crate::on_all_cores::OnAllCores;
 
-/// Takes back what only imitates a smooth law, joint by joint.
-pub fn without_imitations(joints: &[Joint], searched: &mut [Both]) {
-    let both = joints.iter().zip(searched);
-    both.on_all_cores(|(joint, both)| {
-        joint.without_imitations(both.with.as_mut().unwrap_or(&mut both.alone));
-    })
-    .for_each(drop);
-}
-
-/// A joint's search without and with what the arm shares.
-pub struct Both {
-    /// Without it.
-    pub alone: Searched,
-    /// With it; none where there is none, or the joint has no say.
-    pub with: Option<Searched>,
+/// Causes that the arm may share, with every joint beside them.
+pub struct Found {
+    /// None where a joint has no say.
+    pub with: Vec<Option<Searched>>,
+    /// The causes; none of them is one of the possibilities.
+    pub shared: Vec<Shared>,
+    /// By which the joints are better told with them.
+    nats: f64,
 }
 
 /// A shared cause as one joint has it: its columns, and what the other joints say of their amplitudes.
@@ -35,12 +29,12 @@ pub struct Prior {
     pub message: Message,
 }
 
-/// The best sets of every joint, beside the cause that the arm shares, if the evidence for one outweighs its cost.
+/// The best sets of every joint by itself, and beside all causes that the arm may share, the most probable first. The last is none.
 pub fn searched(
     robot: &Robot,
     joints: &mut [Joint],
     progress: &(dyn Fn(Progress) + Sync),
-) -> (Vec<Both>, Option<Shared>) {
+) -> (Vec<Searched>, Vec<Found>) {
     let done = AtomicUsize::new(0);
     let alone: Vec<Searched> = joints
         .iter_mut()
@@ -53,49 +47,59 @@ pub fn searched(
             searched
         })
         .collect();
-    let causes = Cause::ALL
-        .into_iter()
-        .filter_map(|cause| beside(robot, joints, &alone, cause));
-    let best = causes.max_by(|a, b| a.1.nats.total_cmp(&b.1.nats));
-    let (with, shared) = match best {
-        Some((with, shared)) => (with, Some(shared)),
-        None => (joints.iter().map(|_| None).collect::<Vec<_>>(), None),
-    };
-    let both = alone
-        .into_iter()
-        .zip(with)
-        .map(|(alone, with)| Both { alone, with });
-    (both.collect(), shared)
+    let [payload, tilt] = Cause::ALL;
+    let causes: [&[Cause]; 3] = [&[payload], &[tilt], &Cause::ALL];
+    let all = causes.into_iter();
+    let mut all: Vec<Found> = all
+        .filter_map(|causes| beside(robot, joints, &alone, causes))
+        .collect();
+    all.sort_by(|a, b| b.nats.total_cmp(&a.nats));
+    all.push(Found {
+        with: joints.iter().map(|_| None).collect(),
+        shared: Vec::new(),
+        nats: 0.0,
+    });
+    (alone, all)
 }
 
-/// Every joint beside a shared cause, and the cause; none where fewer than two joints see it, or it is not worth its cost.
-fn beside(
-    robot: &Robot,
-    joints: &[Joint],
-    alone: &[Searched],
-    cause: Cause,
-) -> Option<(Vec<Option<Searched>>, Shared)> {
+/// How probable a cause is, among all that may be.
+pub fn probability(cause: Cause, all: &[Found]) -> f64 {
+    let best = all.iter().map(|found| found.nats).fold(0.0, f64::max);
+    let weight = |found: &Found| ((found.nats - best) / TEMPERATURE).exp();
+    let has = |found: &&Found| found.shared.iter().any(|shared| shared.cause() == cause);
+    let with: f64 = all.iter().filter(has).map(weight).sum();
+    with / all.iter().map(weight).sum::<f64>()
+}
+
+/// Every joint beside shared causes; none where fewer than two joints see them, or they are not worth their cost.
+fn beside(robot: &Robot, joints: &[Joint], alone: &[Searched], causes: &[Cause]) -> Option<Found> {
     // a torque in another unit tells nothing of what the arm carries
     let sees: Vec<bool> = joints
         .iter()
         .map(|joint| {
-            let columns = joint.of_arm(cause);
-            let shows = columns.iter().flatten().any(|x| x.abs() > f64::EPSILON);
-            columns.len() == cause.amplitudes() && shows && joint.unit.is_none()
+            let shows = |cause: &Cause| {
+                let columns = joint.of_arm(*cause);
+                let mut values = columns.iter().flatten();
+                columns.len() == cause.amplitudes() && values.any(|x| x.abs() > f64::EPSILON)
+            };
+            joint.unit.is_none() && causes.iter().all(shows)
         })
         .collect();
     if sees.iter().filter(|sees| **sees).count() < 2 {
         return None;
     }
-    let columns = |joint: &Joint, centre_m: [f64; 3]| match cause {
-        Cause::Payload => joint.rows.payload_at(centre_m),
-        Cause::Tilt => joint.of_arm(cause).to_vec(),
+    let columns = |joint: &Joint, centre_m: [f64; 3]| {
+        let each = causes.iter().map(|cause| match cause {
+            Cause::Payload => joint.rows.payload_at(centre_m),
+            Cause::Tilt => joint.of_arm(*cause).to_vec(),
+        });
+        each.flatten().collect::<Vec<Vec<f64>>>()
     };
     let mut priors: Vec<Prior> = joints
         .iter()
         .map(|joint| Prior {
             columns: columns(joint, [0.0; 3]),
-            message: cause.prior(),
+            message: arm::prior(causes),
         })
         .collect();
     let mut with: Vec<Option<Searched>> = Vec::new();
@@ -116,12 +120,13 @@ fn beside(
                 searched.evidence.message(searched.sets[0].names)
             })
             .collect();
-        let (said, _) = arm::all(cause, &own).said()?;
-        let centre_m = match cause {
+        let (said, _) = arm::all(causes, &own).said()?;
+        // a payload is the first
+        let centre_m = match causes[0] {
             Cause::Payload => [1, 2, 3].map(|k| said[k] / said[0]),
             Cause::Tilt => [0.0; 3],
         };
-        let messages = arm::others(cause, &own).into_iter();
+        let messages = arm::others(causes, &own).into_iter();
         priors = joints
             .iter()
             .zip(messages)
@@ -141,6 +146,6 @@ fn beside(
         .iter()
         .zip(&with)
         .filter_map(|(alone, with)| Some(with.as_ref()?.ahead_of(alone, 1.0)));
-    let shared = cause.found(robot, &own, gained.sum())?;
-    Some((with, shared))
+    let (shared, nats) = arm::found(causes, robot, &own, gained.sum())?;
+    Some(Found { with, shared, nats })
 }
