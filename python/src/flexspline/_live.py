@@ -29,9 +29,7 @@ class Attachment:
 
     def __init__(self, name: str = "default") -> None:
         self._inner = _native.Attachment(name)
-        count = len(self._inner.joints)
-        signals = [(signal, np.float64, (count,)) for signal in _native.SIGNALS]
-        self._dtype = np.dtype([("cycle", np.uint64), ("running", np.uint64), ("time_s", np.float64), *signals])
+        self._dtype = _row_of(len(self._inner.joints))
 
     @property
     def joints(self) -> list[str]:
@@ -66,6 +64,12 @@ class Attachment:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _row_of(joints: int) -> np.dtype[Any]:
+    """What a row of an attachment is."""
+    signals = [(signal, np.float64, (joints,)) for signal in _native.SIGNALS]
+    return np.dtype([("cycle", np.uint64), ("running", np.uint64), ("time_s", np.float64), *signals])
 
 
 def attach(name: str = "default") -> Attachment:
