@@ -207,7 +207,7 @@ def test_killed_workers_lose_nothing_and_count_nothing_twice(folder, engine):
         env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "RAY_worker_niceness": "0"},
     )
     try:
-        assert run.stdout.readline().split() == ["1", "12"]
+        assert run.stdout.readline().split() == ["1", "12"], run.communicate(timeout=100)[1]
         victims = worker_pids(run.pid)
         os.kill(victims[0], signal.SIGKILL)
         out, errors = run.communicate(timeout=100)
