@@ -36,11 +36,19 @@ impl Usable {
         // a sign in doubt is looked at along the motion
         let decided = found
             .iter()
-            .filter(|finding| !is_of_sign(finding) || !used(finding));
+            .filter(|finding| !is_of_sign(finding) || !used(finding))
+            .filter(|finding| !usable.is_made_up_for(robot, finding));
         let told = decided.map(|finding| reported(finding, used(finding)));
         let told: Vec<DataFinding> = told.collect();
         usable.findings.extend(told);
         usable
+    }
+
+    /// Whether it misses a torque that the controller tells.
+    fn is_made_up_for(&self, robot: &Robot, finding: &Finding) -> bool {
+        let joint = finding.joint.as_deref().and_then(|j| robot.joint_index(j));
+        let torque = joint.and_then(|joint| self.read[joint].torque);
+        finding.kind == FindingKind::NoTorque && torque == Some(TorqueSource::Controller)
     }
 
     /// Whether a column that a finding is about is used.
