@@ -23,7 +23,7 @@ pub enum ReadProblem {
     Io(#[from] io::Error),
     /// None of the formats.
     #[error(
-        "is neither an MCAP recording nor a ROS 1 bag, a Parquet, SQLite, .npz, MATLAB or HDF5 file, nor named as a CSV log is \
+        "is neither an MCAP recording nor a ROS 1 bag, a Parquet, SQLite, .npz, PyTorch, pickle, MATLAB or HDF5 file, nor named as a CSV log is \
          (.csv, .tsv, .txt, .dat){seems}"
     )]
     UnknownFormat {
@@ -55,6 +55,12 @@ pub enum ReadProblem {
     /// A NumPy file that cannot be read.
     #[error("is an .npz file that cannot be read: {}", one_line(.0))]
     Npz(String),
+    /// What `torch.save` wrote and cannot be read.
+    #[error("is a file of PyTorch that cannot be read: {}", one_line(.0))]
+    Torch(String),
+    /// A Python pickle that cannot be read.
+    #[error("is a Python pickle that cannot be read: {}", one_line(.0))]
+    Pickle(String),
     /// A MATLAB file that cannot be read.
     #[error(
         "is a MATLAB file that cannot be read: {}; it was damaged, so save it again",

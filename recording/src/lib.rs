@@ -79,7 +79,7 @@ pub const VALUES_MAX: usize = 1 << 29;
 
 /// Reads a recording or a log, with the mapping file beside it if there is one: `NAME.mapping.toml` for `NAME.csv`, or
 /// `NAME.toml` unless that is a robot file. What it is is told by its first bytes, then by its name: MCAP (ours, or of
-/// ROS), ROS 1 bag, Parquet, SQLite or folder of rosbag2, NumPy `.npz`, MATLAB `.mat`, HDF5, a LeRobot dataset's folder, any
+/// ROS), ROS 1 bag, Parquet, SQLite or folder of rosbag2, NumPy `.npz`, PyTorch `.pt`, Python's pickles, MATLAB `.mat`, HDF5, a LeRobot dataset's folder, any
 /// of them compressed with Zstandard, or CSV (`.csv`, `.tsv`, `.txt`, `.dat`). Columns have the names of [`Signal`]s, or the mapping file names them;
 /// messages of ROS say themselves what they hold.
 ///

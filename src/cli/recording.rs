@@ -7,7 +7,7 @@ use clap::{Args, Subcommand};
 /// `flexspline recording`
 #[derive(Debug, Subcommand)]
 #[command(after_help = "\
-A recording is an MCAP file of `run`, a bag of ROS 1 or 2, a LeRobot dataset, or a CSV, Parquet, .npz, .mat or HDF5 file with
+A recording is an MCAP file of `run`, a bag of ROS 1 or 2, a LeRobot dataset, or a CSV, Parquet, .npz, .pt, .pkl, .mat or HDF5 file with
 one row per control cycle. Columns are named JOINT.SIGNAL, or a mapping file, NAME.mapping.toml beside NAME.csv, says which
 column is which signal. With a robot, what is certain is guessed without one.
 Exit code: 0 done, 1 `info --robot` found errors or the twin stopped for safety, 2 bad input.")]
@@ -44,7 +44,7 @@ pub struct RecordingInfoArguments {
 /// `flexspline recording import`
 #[derive(Debug, Args)]
 pub struct RecordingImportArguments {
-    /// Log: bag of ROS, LeRobot dataset, CSV, Parquet, .npz, .mat, HDF5
+    /// Log: bag of ROS, LeRobot dataset, CSV, Parquet, .npz, .pt, .pkl, .mat, HDF5
     pub file: PathBuf,
     /// Robot that it is of, to guess what its columns hold: pa10, shd17, or a robot file
     #[arg(long, value_name = "NAME|FILE")]

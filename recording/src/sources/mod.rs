@@ -11,6 +11,8 @@ mod mat;
 mod mcap;
 mod npz;
 mod parquet;
+mod pickle;
+mod pickled;
 mod ros1;
 mod rosbag2;
 mod sqlite;
@@ -61,12 +63,14 @@ pub(crate) trait Source: Sync {
 }
 
 /// In the order in which they are asked: what a file begins with goes before what it is called.
-const SOURCES: [&dyn Source; 11] = [
+const SOURCES: [&dyn Source; 13] = [
     &mcap::Mcap,
     &ros1::Ros1,
     &parquet::Parquet,
     &sqlite::Sqlite,
     &npz::Npz,
+    &pickled::Torch,
+    &pickled::Pickled,
     &mat::Mat,
     &hdf5::Hdf5,
     &unpacked::Zstd,
@@ -154,8 +158,7 @@ fn seems(log: &Log<'_>) -> &'static str {
         }
         _ if starts(b"ULog") => "; it is a PX4 log, which `ulog2csv` converts",
         "pkl" | "pickle" => {
-            "; it is a Python pickle, which runs programs when it is read: save arrays with `numpy.savez`, tables with pandas' \
-             `to_parquet`"
+            "; it is a Python pickle of protocol 0 or 1, so save it again with protocol 4"
         }
         "mat" => "; if MATLAB reads it, it is of version 4, so save it again with '-v7'",
         "yaml" | "yml" => {
@@ -188,7 +191,7 @@ mod tests {
             ("log.xlsx", b"PK\x03\x04", "spreadsheet"),
             ("log.zip", b"PK\x03\x04", "ZIP"),
             ("log.json", b" {\"q\": 1}", "JSON"),
-            ("log.pkl", b"\x80\x04\x95", "pickle"),
+            ("log.pkl", b"(dp0\n", "protocol 4"),
             ("log", b"t q\n0 1\n", "name it .csv"),
             (
                 "log.bag",
