@@ -82,10 +82,18 @@ const LINK: &[&str] = &["link", "joint", "load", "output"];
 const MEASURED: &[&str] = &["measured", "meas", "actual", "act"];
 /// Said of what is computed from values of that kind, or bounds them.
 const OF_OTHERS: &[&str] = &[
-    "error", "err", "std", "var", "min", "max", "limit", "offset",
+    "error", "err", "std", "var", "min", "max", "limit", "offset", "ext", "external",
 ];
 /// Said of values without saying anything.
-const FILLERS: &[&str] = &["observation", "observations", "obs", "s", "data"];
+const FILLERS: &[&str] = &[
+    "observation",
+    "observations",
+    "obs",
+    "s",
+    "data",
+    "dof",
+    "dofs",
+];
 /// Unit, what it is a unit of, and SI per unit. Of a velocity per second where a time does not follow.
 const UNITS: &[(&str, Quantity, f64)] = &[
     ("rad", Quantity::Position, 1.0),
@@ -328,6 +336,7 @@ mod tests {
             ("action", Signal::ReferencePositionRad),
             ("motor_torque", Signal::MotorTorqueNm),
             ("jointPositions", Signal::LinkPositionRad),
+            ("des_dof_pos", Signal::ReferencePositionRad),
         ] {
             assert_eq!(array_signal(name), Some(signal), "{name}");
         }

@@ -310,6 +310,25 @@ fn a_controllers_torque_and_a_filtered_position_give_way_to_what_was_measured() 
 }
 
 #[test]
+fn a_joints_name_with_a_quantity_and_another_word_is_doubtful() {
+    let log = Log::new("q2,dq2,q2_tau_J_compensate,q2_tau_ext", |time_s| {
+        let (q_rad, dq_rad_s) = swing(time_s);
+        vec![q_rad, dq_rad_s, 3.0 * q_rad, 0.1]
+    });
+    let guess = log.guess(&[("q2", 1.0)]);
+    let (joint, signal, scale, sure) = told(&guess, "q2_tau_J_compensate");
+    assert_eq!((&*joint, signal, scale), ("q2", Signal::JointTorqueNm, 1.0));
+    assert_eq!(sure, Sure::Doubtful);
+    // a torque from outside is none of the joint's
+    let left_out = guess
+        .left_out
+        .iter()
+        .find(|(column, _)| column == "q2_tau_ext");
+    assert!(left_out.is_some());
+    assert_eq!(told(&guess, "dq2").1, Signal::LinkVelocityRadS);
+}
+
+#[test]
 fn a_joint_that_may_turn_round_is_not_taken_for_degrees_without_a_question() {
     let five_turns = Log::new("q", |time_s| vec![30.0 * time_s]);
     let joints = |is_limited| {

@@ -159,6 +159,13 @@ impl<'a> Guesser<'a> {
         {
             return Ok((joint, found, Sure::Certain, why));
         }
+        let has_number = |word: &String| word.bytes().any(|byte| byte.is_ascii_digit());
+        if let Some((joint, rest)) = &named
+            && let Some(found) = meaning(rest).filter(|found| !found.rest.iter().any(has_number))
+        {
+            why.push(format!("which says `{}` too", found.rest.join("_")));
+            return Ok((joint, found, Sure::Doubtful, why));
+        }
         let is_joint = named.as_ref().is_some_and(|(_, rest)| rest.is_empty());
         let found = meaning_of(name, self.joints).ok_or("its name says nothing that is known")?;
         let mut sure = Sure::Certain;
