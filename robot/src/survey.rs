@@ -207,7 +207,8 @@ fn known_of_joint(joint: &RobotJoint) -> Vec<String> {
 }
 
 fn known_of(robot: &Robot) -> Vec<String> {
-    let mass_kg: f64 = robot.chain.links().iter().map(|link| link.mass_kg).sum();
+    let masses_kg = robot.chain.links().iter().map(|link| link.mass_kg);
+    let mass_kg = masses_kg.fold(0.0, |sum_kg, mass_kg| sum_kg + mass_kg);
     let count = robot.joints.len();
     let mut known = vec![format!(
         "{count} joint{}, {:.3} kg that move, gravity {:.2} m/s²",
