@@ -11,12 +11,11 @@ use rt_loop::driver::{DriveFault, Driver};
 use rt_loop::statistics::Counters;
 use services::controller::Controller;
 use services::feedforward::FeedforwardError;
-use shm_types::control_options::ControlOptions;
-use shm_types::instance::{ControlMode, Mode, RunConfig, Wait};
+use shm_types::instance::RunConfig;
 use shm_types::messages::{
     Command, DriveCommand, DriveMode, DriveRequest, DriveSample, Header, LoopState, PerJoint,
 };
-use virtual_drives::{BusFault, Kind, VirtualDrives, VirtualError};
+use virtual_drives::{BusFault, Kind, VirtualDrives, VirtualError, run_config};
 
 use crate::drive::FaultyDriver;
 use crate::outcome::{Account, Observed, Outcome, SetUp};
@@ -77,21 +76,8 @@ impl Bench {
             robot: name,
             driver: "emulator".to_owned(),
             trajectory: trajectory_name,
-            plant: None,
-            control: ControlMode::Torque,
-            options: ControlOptions::default(),
-            mode: Mode::Realtime,
-            period_ns: PERIOD_NS,
-            cycles: 0,
-            wait: Wait::Block,
-            wake_early_ns: 0,
-            seed: 1,
-            inject: None,
-            record: None,
-            estimators: Vec::new(),
-            command_deadline_ns: PERIOD_NS,
-            cores: Vec::new(),
             initial_position_rad: start.position_rad[..robot.joints.len()].to_vec(),
+            ..run_config(robot.joints.len(), PERIOD_NS)
         };
         let config = cycle_config(&run, &robot);
         Ok(Self {

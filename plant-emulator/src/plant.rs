@@ -163,6 +163,19 @@ impl Plant {
         self
     }
 
+    /// Pushes a joint from now on. What names a joint that is not there does nothing.
+    pub fn push(&mut self, joint: usize, torque_nm: f64, duration_s: f64) {
+        let start_s = self.time_s();
+        let is_to_come = |push: &Push| push.start_s + push.duration_s > start_s;
+        self.pushes.retain(is_to_come);
+        self.pushes.push(Push {
+            joint,
+            torque_nm,
+            start_s,
+            duration_s,
+        });
+    }
+
     /// Has something outside every model act on a joint's link, beside whatever acts there already.
     ///
     /// # Errors

@@ -10,6 +10,7 @@ use ethercat_emulator::{Options, Segment, segment};
 use plant_emulator::PlantParameters;
 use robot::Robot;
 
+use super::hands::Hands;
 use crate::cli::EmulateEthercatArguments;
 use crate::error::CliError;
 use crate::output::print;
@@ -52,7 +53,12 @@ pub fn emulate(arguments: &EmulateEthercatArguments) -> Result<(), CliError> {
             stop.store(true, Ordering::Relaxed);
         });
     }
-    serve(&socket, &mut drives, &stop);
+    let hands = arguments.hands.then(|| Hands::listen(&robot));
+    serve(&socket, &mut drives, &stop, |drives| {
+        for push in hands.iter().flat_map(Hands::take) {
+            drives.push(push.joint, push.torque_nm, push.duration_s);
+        }
+    });
     print(&format!("{} frames served\n", drives.frames()))
 }
 

@@ -2,6 +2,7 @@
 
 mod check;
 mod emulate_ethercat;
+mod hands;
 mod moteus;
 mod scan;
 

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use moteus_emulator::process::Ports;
 use moteus_emulator::{Bench, Setup};
 
+use super::hands::Hands;
 use crate::cli::EmulateMoteusArguments;
 use crate::error::CliError;
 use crate::output::print;
@@ -55,8 +56,13 @@ pub fn emulate(arguments: &EmulateMoteusArguments) -> Result<(), CliError> {
             stop.store(true, Ordering::Relaxed);
         });
     }
+    let hands = arguments.hands.then(|| Hands::listen(&robot));
     ports
-        .serve(&mut bench, &stop)
+        .serve(&mut bench, &stop, |bench| {
+            for push in hands.iter().flat_map(Hands::take) {
+                bench.push(push.joint, push.torque_nm, push.duration_s);
+            }
+        })
         .map_err(|error| CliError::Negative(format!("a port is lost: {error}")))
 }
 

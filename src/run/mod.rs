@@ -49,6 +49,11 @@ pub fn run(arguments: &RunArguments) -> Result<(), CliError> {
         return commission::commission(arguments, step);
     }
     let plan = Plan::new(arguments)?;
+    if !drivers::is_emulated(&arguments.driver)
+        && let Some(told) = commission::not_walked(arguments, &plan.robot)?
+    {
+        eprintln!("flexspline: {told}");
+    }
     let stop = stop_on_signals()?;
     let (report, ended) = execute(plan, &stop)?;
     let to_standard_output = arguments.json.as_deref() == Some(Path::new("-"));

@@ -26,13 +26,13 @@ struct Beginning {
 }
 
 impl Beginning {
-    /// Motor and link position of every joint when it began, once it has.
-    fn see(
+    /// What is seen now, and motor and link position of every joint when it began, once it has.
+    fn see<'a>(
         &mut self,
         joints: &Joints,
-        moment: &Moment,
-        seen: &Seen,
-    ) -> Option<(PerJoint, PerJoint)> {
+        moment: &'a Moment,
+    ) -> Option<(&'a Seen, PerJoint, PerJoint)> {
+        let seen = moment.seen.as_ref()?;
         if moment.state == LoopState::Running
             && self.at.is_none()
             && self.rest.see(joints, moment.at_s, seen)
@@ -41,12 +41,20 @@ impl Beginning {
             self.at = Some((moment.at_s, here_rad, seen.readings.link_position_rad));
         }
         self.at
-            .map(|(_, motor_rad, link_rad)| (motor_rad, link_rad))
+            .map(|(_, motor_rad, link_rad)| (seen, motor_rad, link_rad))
     }
 
     /// Seconds since the first moment.
     fn waited_s(&mut self, moment: &Moment) -> f64 {
         moment.at_s - *self.first_s.get_or_insert(moment.at_s)
+    }
+}
+
+/// A verdict as long as somebody may take for it.
+fn in_time(waited_s: f64, verdict: Verdict, watch: &impl Watch) -> Verdict {
+    match verdict {
+        Verdict::Waiting if waited_s > PERSON_S => Verdict::Refused(watch.give_up()),
+        verdict => verdict,
     }
 }
 
@@ -107,15 +115,10 @@ impl Watch for Moved {
             return Verdict::Stopped;
         }
         let waited_s = self.beginning.waited_s(moment);
-        if let Some(seen) = &moment.seen
-            && self.beginning.see(&self.joints, moment, seen).is_some()
-        {
+        if let Some((seen, ..)) = self.beginning.see(&self.joints, moment) {
             self.spans.add(&self.joints, seen);
         }
-        match self.judged() {
-            Verdict::Waiting if waited_s > PERSON_S => Verdict::Refused(self.give_up()),
-            verdict => verdict,
-        }
+        in_time(waited_s, self.judged(), self)
     }
 
     fn hint(&self) -> String {
@@ -195,18 +198,13 @@ impl Watch for Turned {
         }
         let waited_s = self.beginning.waited_s(moment);
         let mut verdict = Verdict::Waiting;
-        if let Some(seen) = &moment.seen
-            && let Some((motor_rad, link_rad)) = self.beginning.see(&self.joints, moment, seen)
-        {
+        if let Some((seen, motor_rad, link_rad)) = self.beginning.see(&self.joints, moment) {
             self.turned_rad = self.joints.positions_rad(seen)[self.joint] - motor_rad[self.joint];
             let link_turned_rad =
                 seen.readings.link_position_rad[self.joint] - link_rad[self.joint];
             verdict = self.judged(link_turned_rad);
         }
-        match verdict {
-            Verdict::Waiting if waited_s > PERSON_S => Verdict::Refused(self.give_up()),
-            verdict => verdict,
-        }
+        in_time(waited_s, verdict, self)
     }
 
     fn hint(&self) -> String {
@@ -292,10 +290,7 @@ impl Watch for Reached {
             );
             return Verdict::Passed(Finding::new(missed_rad, REACHED_RAD, "rad", told));
         }
-        match waited_s > PERSON_S {
-            true => Verdict::Refused(self.give_up()),
-            false => Verdict::Waiting,
-        }
+        in_time(waited_s, Verdict::Waiting, self)
     }
 
     fn hint(&self) -> String {

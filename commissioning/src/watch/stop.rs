@@ -103,6 +103,8 @@ impl Stop {
             self.spans.add(&self.joints, seen);
         }
         if moment.state == LoopState::Running {
+            // Some cycles without a sample were not the stop that is waited for.
+            (self.left_s, self.stopped_s) = (None, None);
             let (since_s, limit_s) = match (self.by, self.ordered_s) {
                 (By::Operator, Some(ordered_s)) => (moment.at_s - ordered_s, ANSWER_S),
                 _ => (moment.at_s - armed_s, PERSON_S),
@@ -242,6 +244,20 @@ mod tests {
             silent
         });
         passed(show(&mut switch(), 6.0, silent));
+    }
+
+    #[test]
+    fn cycles_without_a_sample_before_the_stop_are_not_the_stop() {
+        let holds_before = then(|at_s| {
+            let (state, drive) = match at_s {
+                0.0..1.01 => (Damping, Enabled),
+                1.01..9.0 => (Running, Enabled),
+                _ => (SafeStop, SwitchedOff),
+            };
+            moment(at_s, state, drive, [0.1, 0.2])
+        });
+        let finding = passed(show(&mut switch(), 12.0, holds_before));
+        assert!(finding.value < 0.01, "{finding:?}");
     }
 
     #[test]

@@ -20,6 +20,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     let socket = RawSocket::open(&interface)?;
     let parameters = PlantParameters::for_robot(&robot)?;
     let mut drives = segment(&robot, &parameters, &[], &options, now_ns())?;
-    serve(&socket, &mut drives, &AtomicBool::new(false));
+    serve(&socket, &mut drives, &AtomicBool::new(false), |_| ());
     Ok(())
 }

@@ -114,6 +114,11 @@ impl Segment {
         self
     }
 
+    /// Pushes a joint of the robot from now on, joint side. What names a joint that is not there does nothing.
+    pub fn push(&mut self, joint: usize, torque_nm: f64, duration_s: f64) {
+        self.plant.push(joint, torque_nm, duration_s);
+    }
+
     /// The robot behind them.
     pub fn plant(&self) -> &Plant {
         &self.plant

@@ -13,8 +13,14 @@ const DELAYED_MAX: usize = 64;
 /// How long nobody looks whether to stop, at most.
 const LOOK_NS: u64 = 50_000_000;
 
-/// Serves the segment on the interface until `stop` is set.
-pub fn serve(socket: &RawSocket, segment: &mut Segment, stop: &AtomicBool) {
+/// Serves the segment on the interface until `stop` is set. What else is done with it, `beside`, is asked for 20 times a second
+/// at least, and must not take long.
+pub fn serve(
+    socket: &RawSocket,
+    segment: &mut Segment,
+    stop: &AtomicBool,
+    mut beside: impl FnMut(&mut Segment),
+) {
     let mut buffer = [0; FRAME_MAX];
     let mut delayed: VecDeque<(u64, Vec<u8>)> = VecDeque::new();
     while !stop.load(Ordering::Relaxed) {
@@ -41,6 +47,7 @@ pub fn serve(socket: &RawSocket, segment: &mut Segment, stop: &AtomicBool) {
             }
         }
         segment.advance(now_ns());
+        beside(segment);
         let due_ns = delayed.front().map_or(u64::MAX, |(due_ns, _)| *due_ns);
         let next_ns = segment.next_event_ns().min(due_ns);
         let wait_ns = next_ns.saturating_sub(now_ns()).min(LOOK_NS);

@@ -73,7 +73,7 @@ fn with_drives(robot: &str, axes: usize, act: impl FnOnce()) {
     let stop = Arc::new(AtomicBool::new(false));
     let server = std::thread::spawn({
         let stop = Arc::clone(&stop);
-        move || serve(&socket, &mut drives, &stop)
+        move || serve(&socket, &mut drives, &stop, |_| ())
     });
     act();
     stop.store(true, Ordering::Relaxed);

@@ -18,7 +18,7 @@ use shm_types::messages::{DriveCommand, DriveMode, DriveRequest, DriveSample, He
 use crate::client::{Client, ClientError};
 use crate::frames::Frames;
 use crate::image::{AXIS_OFFSET, Inputs, Outputs};
-use crate::pace::Pace;
+use crate::pace::{Pace, Reading};
 use crate::settings::Settings;
 use crate::setup::{self, Axis, CLIENT_INDICES, OP, OwnInterface, Slave};
 use crate::units::Unwrapped;
@@ -474,17 +474,21 @@ impl Driver for EthercatDriver {
             return Err(self.lost());
         };
         self.lost_in_a_row = 0;
-        self.jitter_ns = self
-            .jitter_ns
-            .max(exchange.half_way_ns.abs_diff(planned_ns));
+        let half_way_ns = exchange.sent_ns.midpoint(exchange.received_ns);
+        self.jitter_ns = self.jitter_ns.max(half_way_ns.abs_diff(planned_ns));
         if let Some(fault) = self.refusal() {
             return Err(fault);
         }
-        let mut latched_ns = exchange.half_way_ns;
+        let mut latched_ns = half_way_ns;
         if let Some(pace) = &mut self.pace {
             match exchange.system_ns {
                 Some(system_ns) => {
-                    latched_ns = pace.observe(system_ns, exchange.half_way_ns, planned_ns);
+                    let reading = Reading {
+                        system_ns,
+                        sent_ns: exchange.sent_ns,
+                        received_ns: exchange.received_ns,
+                    };
+                    latched_ns = pace.observe(reading, planned_ns);
                 }
                 None => pace.miss(),
             }

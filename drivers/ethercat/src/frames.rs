@@ -40,8 +40,10 @@ pub struct Answer {
 pub struct Exchange {
     /// System time at the reference clock.
     pub system_ns: Option<u64>,
-    /// When the frame was half way, on the loop's clock.
-    pub half_way_ns: u64,
+    /// When the frame was sent, on the loop's clock.
+    pub sent_ns: u64,
+    /// When it had come back, on the loop's clock.
+    pub received_ns: u64,
     /// How often it was served, of what was expected.
     pub working_counter: u16,
 }
@@ -157,7 +159,8 @@ impl Frames {
                 if let Some((system_ns, working_counter)) = self.take(length, index) {
                     return Some(Exchange {
                         system_ns,
-                        half_way_ns: sent_ns + (received_ns - sent_ns) / 2,
+                        sent_ns,
+                        received_ns,
                         working_counter,
                     });
                 }

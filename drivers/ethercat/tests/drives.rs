@@ -106,7 +106,7 @@ impl Drives {
         let server = std::thread::spawn({
             let stop = Arc::clone(&stop);
             move || {
-                serve(&socket, &mut drives, &stop);
+                serve(&socket, &mut drives, &stop, |_| ());
                 drives
             }
         });

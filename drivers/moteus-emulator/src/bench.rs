@@ -185,6 +185,11 @@ impl Bench {
         });
     }
 
+    /// Pushes a joint from now on, joint side. What names a joint that is not there does nothing.
+    pub fn push(&mut self, joint: usize, torque_nm: f64, duration_s: f64) {
+        self.plant.push(joint, torque_nm, duration_s);
+    }
+
     /// Where the links really are, joint side.
     pub fn link_position_rad(&self, joint: usize) -> f64 {
         self.plant.truth().link_position_rad[joint]

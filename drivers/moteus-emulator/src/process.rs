@@ -56,11 +56,17 @@ impl Ports {
             .unwrap_or_default()
     }
 
-    /// Answers on the ports until `stop` is set.
+    /// Answers on the ports until `stop` is set. What else is done with the bench, `beside`, is asked for in every millisecond, and
+    /// must not take long.
     ///
     /// # Errors
     /// What the system says.
-    pub fn serve(&mut self, bench: &mut Bench, stop: &AtomicBool) -> io::Result<()> {
+    pub fn serve(
+        &mut self,
+        bench: &mut Bench,
+        stop: &AtomicBool,
+        mut beside: impl FnMut(&mut Bench),
+    ) -> io::Result<()> {
         let _held = apply(&Request {
             fifo_priority: Some(FIFO_PRIORITY),
             core: None,
@@ -75,6 +81,7 @@ impl Ports {
                 self.exchange(bench, bus)?;
             }
             bench.advance_to(monotonic_ns());
+            beside(bench);
         }
         Ok(())
     }

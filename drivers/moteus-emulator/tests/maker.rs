@@ -41,7 +41,7 @@ fn the_makers_package_finds_reads_configures_and_moves_the_drives() {
                 seed: 1,
                 faults: Vec::new(),
             };
-            ports.serve(&mut Bench::new(&robot, &setup).unwrap(), &stop)
+            ports.serve(&mut Bench::new(&robot, &setup).unwrap(), &stop, |_| ())
         })
     };
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/maker.py");

@@ -51,7 +51,7 @@ fn measure(buses: usize) -> Result<(), Box<dyn std::error::Error>> {
         let (robot, stop) = (robot.clone(), Arc::clone(&stop));
         thread::spawn(move || {
             Bench::new(&robot, &setup)
-                .map(|mut bench| ports.serve(&mut bench, &stop))
+                .map(|mut bench| ports.serve(&mut bench, &stop, |_| ()))
                 .is_ok()
         })
     };

@@ -88,7 +88,7 @@ impl Rig {
                 let places: Vec<Vec<(usize, u8)>> =
                     (0..buses).map(|bus| bench.joints_on(bus)).collect();
                 sent.send(places).unwrap();
-                ports.serve(&mut bench, &stop).unwrap();
+                ports.serve(&mut bench, &stop, |_| ()).unwrap();
             })
         };
         for (bus, joints) in told.recv().unwrap().into_iter().enumerate() {

@@ -10,11 +10,11 @@ use ethercat_wire::link::{Cable, Link};
 use ethercat_wire::socket::{FRAME_MAX, SocketError};
 use plant_emulator::{PlantParameters, PlantTruth};
 use robot::Robot;
-use rt_loop::driver::{Capabilities, DriveFault, Driver, OpenContext, OpenError};
+use rt_loop::driver::{Acyclic, Capabilities, DriveFault, Driver, OpenContext, OpenError};
 use shm_types::instance::RunConfig;
 use shm_types::messages::{DriveCommand, DriveSample};
 
-use crate::{BusFault, VirtualDrives, VirtualError};
+use crate::{BusFault, Noise, VirtualDrives, VirtualError};
 
 /// From sending a frame to its coming back: what a frame takes over a veth pair (docs/drives.md), which is more than over a
 /// cable.
@@ -34,6 +34,7 @@ struct Line {
     segment: Segment,
     now_ns: u64,
     places: Vec<VecDeque<Coming>>,
+    noise: Option<Noise>,
 }
 
 impl Line {
@@ -79,6 +80,9 @@ impl Link for Place {
         let mut line = self.memory.line();
         let mut frame = frame.to_vec();
         let now_ns = line.now_ns;
+        if let Some(Noise(change)) = &mut line.noise {
+            change(&mut frame);
+        }
         let returned = line.segment.receive(&mut frame, now_ns + ROUND_TRIP_NS / 2);
         let Some(returned) = returned else {
             return true;
@@ -100,7 +104,10 @@ impl Link for Place {
         let now_ns = line.now_ns;
         let place = &mut line.places[self.number];
         place.front().filter(|(due_ns, _)| *due_ns <= now_ns)?;
-        let (_, frame) = place.pop_front()?;
+        let (_, mut frame) = place.pop_front()?;
+        if let Some(Noise(change)) = &mut line.noise {
+            change(&mut frame);
+        }
         let length = frame.len().min(FRAME_MAX);
         buffer[..length].copy_from_slice(&frame[..length]);
         Some(length)
@@ -132,9 +139,10 @@ impl Ethercat {
         robot: &Robot,
         run: &RunConfig,
         broken: Option<BusFault>,
+        noise: Option<Noise>,
     ) -> Result<Self, VirtualError> {
         let options = Options::for_joints(robot.joints.len());
-        Self::open_as(robot, run, options, broken)
+        Self::open_as(robot, run, options, broken, noise)
     }
 
     fn open_as(
@@ -142,6 +150,7 @@ impl Ethercat {
         run: &RunConfig,
         options: Options,
         broken: Option<BusFault>,
+        noise: Option<Noise>,
     ) -> Result<Self, VirtualError> {
         let parameters = PlantParameters::for_robot(robot)?;
         let options = Options {
@@ -154,6 +163,7 @@ impl Ethercat {
             segment: segment(robot, &parameters, &[], &options, 0)?,
             now_ns: 0,
             places: Vec::new(),
+            noise,
         })));
         if let Some(BusFault::Ethercat(fault)) = broken {
             memory.line().segment.inject(fault, 0);
@@ -209,6 +219,10 @@ impl Driver for Ethercat {
         self.driver.prepare();
     }
 
+    fn acyclic(&mut self) -> Option<Box<dyn Acyclic>> {
+        self.driver.acyclic()
+    }
+
     fn shutdown(&mut self) {
         self.driver.shutdown();
     }
@@ -249,37 +263,13 @@ impl VirtualDrives for Ethercat {
 mod tests {
     use super::*;
     use rt_loop::bus_clock;
-    use shm_types::control_options::ControlOptions;
     use shm_types::drive::ClockState;
-    use shm_types::instance::{ControlMode, Mode, Wait};
+
+    use crate::run_config;
 
     const PERIOD_NS: u64 = 666_667;
     /// What the loop may be off its place before SYNC0, once both go together.
     const PHASE_MAX_NS: u64 = 20_000;
-
-    fn run_config(joints: usize) -> RunConfig {
-        RunConfig {
-            session: 1,
-            robot: String::new(),
-            driver: "ethercat".to_owned(),
-            trajectory: String::new(),
-            plant: None,
-            control: ControlMode::Torque,
-            options: ControlOptions::default(),
-            mode: Mode::Realtime,
-            period_ns: PERIOD_NS,
-            cycles: 0,
-            wait: Wait::Block,
-            wake_early_ns: 0,
-            seed: 1,
-            inject: None,
-            record: None,
-            estimators: Vec::new(),
-            command_deadline_ns: PERIOD_NS,
-            cores: Vec::new(),
-            initial_position_rad: vec![0.0; joints],
-        }
-    }
 
     #[test]
     fn the_loop_keeps_its_place_before_sync0_of_a_bus_whose_clock_is_50_ppm_off() {
@@ -289,8 +279,8 @@ mod tests {
                 clock_error_ppm,
                 ..Options::for_joints(7)
             };
-            let mut bus =
-                Ethercat::open_as(&robot, &run_config(7), options, None).expect("it opens");
+            let mut bus = Ethercat::open_as(&robot, &run_config(7, PERIOD_NS), options, None, None)
+                .expect("it opens");
             let mut epoch_ns = bus.now_ns();
             let (mut locked_at, mut furthest_ns) = (None, 0);
             // Ten seconds; at 50 ppm three quarters of a period go by in them.

@@ -8,10 +8,13 @@ mod emulator;
 mod ethercat;
 mod moteus;
 
+use std::fmt;
+
 use plant_emulator::PlantTruth;
 use robot::Robot;
 use rt_loop::driver::{Driver, OpenError};
-use shm_types::instance::RunConfig;
+use shm_types::control_options::ControlOptions;
+use shm_types::instance::{ControlMode, Mode, RunConfig, Wait};
 
 pub use ethercat_emulator::Fault as EthercatFault;
 pub use moteus_emulator::FaultKind as MoteusFault;
@@ -67,6 +70,41 @@ pub enum BusFault {
     Moteus(MoteusFault, u64),
 }
 
+/// What goes over a cable is changed on its way, either way: a frame of EtherCAT, a line to a port, or what is read from one at
+/// once.
+pub struct Noise(pub Box<dyn FnMut(&mut Vec<u8>) + Send>);
+
+impl fmt::Debug for Noise {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str("Noise")
+    }
+}
+
+/// A run on drives and nothing else: no service, no recording.
+pub fn run_config(joints: usize, period_ns: u64) -> RunConfig {
+    RunConfig {
+        session: 1,
+        robot: String::new(),
+        driver: String::new(),
+        trajectory: String::new(),
+        plant: None,
+        control: ControlMode::Torque,
+        options: ControlOptions::default(),
+        mode: Mode::Realtime,
+        period_ns,
+        cycles: 0,
+        wait: Wait::Block,
+        wake_early_ns: 0,
+        seed: 1,
+        inject: None,
+        record: None,
+        estimators: Vec::new(),
+        command_deadline_ns: period_ns,
+        cores: Vec::new(),
+        initial_position_rad: vec![0.0; joints],
+    }
+}
+
 /// A driver with its virtual drives.
 pub trait VirtualDrives: Driver {
     /// The robot as it truly is.
@@ -98,6 +136,23 @@ pub fn open(
     open_broken(kind, robot, run, None)
 }
 
+/// As [`open`], with noise on everything that goes over the cable. The emulator's drives have no cable.
+///
+/// # Errors
+/// [`VirtualError`].
+pub fn open_noisy(
+    kind: Kind,
+    robot: &Robot,
+    run: &RunConfig,
+    noise: Noise,
+) -> Result<Box<dyn VirtualDrives>, VirtualError> {
+    Ok(match kind {
+        Kind::Emulator => Box::new(emulator::Emulated::new(robot, run)?),
+        Kind::Ethercat => Box::new(ethercat::Ethercat::open(robot, run, None, Some(noise))?),
+        Kind::Moteus => Box::new(moteus::Moteus::open(robot, run, None, Some(noise))?),
+    })
+}
+
 /// As [`open`], with something that is broken already when the driver begins to look for its drives. What is of another bus
 /// does nothing.
 ///
@@ -111,7 +166,7 @@ pub fn open_broken(
 ) -> Result<Box<dyn VirtualDrives>, VirtualError> {
     Ok(match kind {
         Kind::Emulator => Box::new(emulator::Emulated::new(robot, run)?),
-        Kind::Ethercat => Box::new(ethercat::Ethercat::open(robot, run, broken)?),
-        Kind::Moteus => Box::new(moteus::Moteus::open(robot, run, broken)?),
+        Kind::Ethercat => Box::new(ethercat::Ethercat::open(robot, run, broken, None)?),
+        Kind::Moteus => Box::new(moteus::Moteus::open(robot, run, broken, None)?),
     })
 }

@@ -15,7 +15,7 @@ use shm_types::instance::RunConfig;
 use shm_types::messages::{DriveCommand, DriveSample};
 
 use crate::ethercat::table;
-use crate::{BusFault, VirtualDrives, VirtualError};
+use crate::{BusFault, Noise, VirtualDrives, VirtualError};
 
 /// Joints on a bus: as many as 1.5 kHz have time for (docs/drives-moteus.md).
 const JOINTS_ON_BUS: usize = 2;
@@ -27,6 +27,7 @@ const PORT: &str = "bus";
 struct Rig {
     bench: Bench,
     now_ns: u64,
+    noise: Option<Noise>,
 }
 
 impl Rig {
@@ -58,6 +59,9 @@ impl Serial for Wire {
         }
         for byte in bytes {
             if matches!(byte, b'\r' | b'\n') {
+                if let Some(Noise(change)) = &mut rig.noise {
+                    change(&mut self.line);
+                }
                 rig.bench.take_line(self.bus, now_ns, &self.line);
                 self.line.clear();
             } else {
@@ -73,7 +77,14 @@ impl Serial for Wire {
         if !rig.bench.is_open(self.bus) {
             return Err(Errno::IO);
         }
-        rig.bench.read(self.bus, now_ns, &mut self.come);
+        let mut read = Vec::new();
+        rig.bench.read(self.bus, now_ns, &mut read);
+        if let Some(Noise(change)) = &mut rig.noise
+            && !read.is_empty()
+        {
+            change(&mut read);
+        }
+        self.come.extend(read);
         let length = self.come.len().min(buffer.len());
         if length == 0 {
             return Err(Errno::AGAIN);
@@ -130,6 +141,7 @@ impl Moteus {
         robot: &Robot,
         run: &RunConfig,
         broken: Option<BusFault>,
+        noise: Option<Noise>,
     ) -> Result<Self, VirtualError> {
         let buses = robot.joints.len().div_ceil(JOINTS_ON_BUS);
         let setup = Setup {
@@ -157,7 +169,11 @@ impl Moteus {
                 robot.joints[joint].drive = Some(table(&text)?);
             }
         }
-        let memory = Memory(Rc::new(RefCell::new(Rig { bench, now_ns: 0 })));
+        let memory = Memory(Rc::new(RefCell::new(Rig {
+            bench,
+            now_ns: 0,
+            noise,
+        })));
         let context = OpenContext {
             run,
             robot: &robot,

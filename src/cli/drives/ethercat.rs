@@ -64,6 +64,9 @@ pub struct EmulateEthercatArguments {
     /// What breaks when, counted from the moment all slaves are in OP; may be given more than once
     #[arg(long, value_name = "KIND:KEY=VALUE,...@TIME")]
     pub fault: Vec<TimedFault>,
+    /// Take pushes on the robot from standard input, each a line JOINT TORQUE_NM TIME, as joint1 5.5 2s; joint side
+    #[arg(long)]
+    pub hands: bool,
     /// Seed of everything random in the robot
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub seed: u64,

@@ -37,6 +37,9 @@ pub struct EmulateMoteusArguments {
     /// What breaks when; may be given more than once
     #[arg(long, value_name = "KIND:WHERE@START[+DURATION]")]
     pub fault: Vec<Fault>,
+    /// Take pushes on the robot from standard input, each a line JOINT TORQUE_NM TIME, as joint1 5.5 2s; joint side
+    #[arg(long)]
+    pub hands: bool,
     /// Seed of the robot's deviations and of frames that are lost
     #[arg(long, default_value_t = 1, value_name = "N")]
     pub seed: u64,

@@ -16,6 +16,7 @@ use commissioning::{
     Eyes, Finding, Moment, Progress, Stage, Step, Verdict, Watch, fingerprint, small_sine, watch,
 };
 use motion::Trajectory;
+use robot::Robot;
 use rt_loop::report::{LOOP_REPORT_FILE, LoopReport};
 use serde::Serialize;
 use shm_types::bus::Reader;
@@ -112,10 +113,7 @@ impl<'a> Walk<'a> {
     ) -> Result<Self, CliError> {
         let (text, _) = robot::load_text(&arguments.robot).map_err(CliError::input)?;
         let fingerprint = fingerprint(&text);
-        let file = match &arguments.commission_file {
-            Some(path) => path.clone(),
-            None => Path::new(&arguments.robot).with_extension("commission.json"),
-        };
+        let file = kept_in(arguments);
         let begun = read(&file)?;
         let outdated = begun
             .as_ref()
@@ -472,6 +470,39 @@ impl<'a> Walk<'a> {
             ))),
         }
     }
+}
+
+/// Where a walk is kept.
+fn kept_in(arguments: &RunArguments) -> PathBuf {
+    match &arguments.commission_file {
+        Some(path) => path.clone(),
+        None => Path::new(&arguments.robot).with_extension("commission.json"),
+    }
+}
+
+/// What a run on drives should know whose walk is not complete: one line, with the command that walks on. `None` where it is.
+///
+/// # Errors
+/// [`CliError::Input`] if the robot file cannot be read.
+pub fn not_walked(arguments: &RunArguments, robot: &Robot) -> Result<Option<String>, CliError> {
+    let (text, _) = robot::load_text(&arguments.robot).map_err(CliError::input)?;
+    let fingerprint = fingerprint(&text);
+    let why = match read(&kept_in(arguments)) {
+        Err(error) => error.to_string(),
+        Ok(None) => "nothing has been tried".to_owned(),
+        Ok(Some(progress)) => match progress.outdated(&fingerprint, &arguments.driver) {
+            Some(why) => why,
+            None => match progress.next(&robot.joint_names()) {
+                Some(stage) => format!("{} is next", stage.name(&robot.joint_names())),
+                None => return Ok(None),
+            },
+        },
+    };
+    Ok(Some(format!(
+        "the drives of {robot} have not been walked to the end: {why}; flexspline run --commission --driver {driver} --robot {robot}",
+        robot = arguments.robot,
+        driver = arguments.driver
+    )))
 }
 
 /// What was passed before; `None` where nothing was begun.
