@@ -8,7 +8,6 @@ pub mod diagnose;
 pub mod effects;
 pub mod engine;
 pub mod evidence;
-pub mod fit;
 #[cfg(test)]
 mod made_up;
 mod on_all_cores;

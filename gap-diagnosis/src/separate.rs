@@ -4,16 +4,15 @@
 //! to the other, `φ_known` to what the robot file may be a little wrong about, and `F` the whitening of the diagnosis. Below 9
 //! nobody can tell the two apart.
 
+use nalgebra::{DMatrix, DVector};
 use recording::Recording;
 use robot::{Effect, Robot};
 
 use crate::checks::mend;
-use crate::closed_loop::search::Search;
+use crate::closed_loop::search::{Model, Search, difference};
 use crate::diagnose::DiagnoseError;
 use crate::effects::{Hypothesis, Shown, periodic, plain};
-use crate::evidence::DEVIATIONS;
 use crate::evidence::told::regimes;
-use crate::fit::{Bound, Fit};
 use crate::on_all_cores::OnAllCores;
 use crate::report::Regime;
 use crate::twin::observe::Channel;
@@ -79,55 +78,41 @@ pub fn separations(
 /// One joint's twin with its responses to what is known.
 struct Responses<'a> {
     search: Search<'a>,
+    /// The joint as its file has it.
+    model: Model,
     base_nm: Vec<f64>,
     known_nm: Vec<Vec<f64>>,
 }
 
 impl<'a> Responses<'a> {
     fn new(search: Search<'a>) -> Result<Self, DiagnoseError> {
-        let base_nm = search.twin.coarsely(&Changes::default())?;
-        let count = search.twin.known.len();
-        let mut responses = Self {
+        let model = Model::of_settled(&search, &[]);
+        let base_nm = search.coarsely_nm(&model)?;
+        Ok(Self {
+            known_nm: search.known_columns(&base_nm, &model)?,
             search,
+            model,
             base_nm,
-            known_nm: Vec::new(),
-        };
-        responses.known_nm = (0..count)
-            .on_all_cores(|index| {
-                let mut known = vec![0.0; count];
-                known[index] = 1.0;
-                responses.to(Changes {
-                    known,
-                    effects: Vec::new(),
-                })
-            })
-            .collect::<Result<_, _>>()?;
-        Ok(responses)
-    }
-
-    fn to(&self, changes: Changes) -> Result<Vec<f64>, DiagnoseError> {
-        let simulated = self.search.twin.coarsely(&changes)?;
-        let difference = simulated.iter().zip(&self.base_nm).map(|(a, b)| a - b);
-        Ok(difference.collect())
+        })
     }
 
     fn to_effect(&self, effect: Effect) -> Result<Vec<f64>, DiagnoseError> {
-        self.to(Changes {
+        let simulated_nm = self.search.twin.coarsely(&Changes {
             known: Vec::new(),
             effects: vec![effect],
-        })
+        })?;
+        Ok(difference(&simulated_nm, &self.base_nm))
     }
 
     /// The least distance over the shapes that the other effect may have.
     fn separation(&self, pair: &Pair) -> Result<Separation, DiagnoseError> {
         let target_nm = self.to_effect(pair.effect)?;
-        let white = self.search.whitener.apply(&target_nm);
-        let each = self
-            .variants(pair)
-            .into_iter()
-            .on_all_cores(|hypothesis| self.imitated(&target_nm, &white, &hypothesis))
-            .collect::<Result<Vec<_>, DiagnoseError>>()?;
-        let nearest = each.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        let variants = self.variants(pair);
+        let variants = self.search.columns(&self.base_nm, &self.model, variants)?;
+        let each = variants
+            .iter()
+            .on_all_cores(|(hypothesis, own_nm)| self.imitated(&target_nm, hypothesis, own_nm));
+        let nearest = each.min_by(|a, b| a.0.total_cmp(&b.0));
         // an effect that no simulation shows is imitated by what is known alone
         let (distance, left_nm) = nearest.unwrap_or((0.0, target_nm));
         Ok(Separation {
@@ -153,58 +138,47 @@ impl<'a> Responses<'a> {
             .collect()
     }
 
-    /// What the hypothesis and what is known leave of a response: whitened square, and raw.
+    /// What the hypothesis and what is known leave of a response: whitened square, and raw. What is known has a prior of its deviation.
     fn imitated(
         &self,
         target_nm: &[f64],
-        target_white: &[f64],
         hypothesis: &Hypothesis,
-    ) -> Result<(f64, Vec<f64>), DiagnoseError> {
-        let mut columns = self.known_nm.clone();
-        let mut bounds: Vec<Bound> = self
-            .search
-            .twin
-            .known
-            .iter()
-            .map(|known| Bound {
-                range: [
-                    if known.is_positive() {
-                        0.0
-                    } else {
-                        -DEVIATIONS
-                    },
-                    DEVIATIONS,
-                ],
-                precision: 1.0,
-            })
-            .collect();
-        for index in 0..hypothesis.amplitudes() {
-            let (probe, beside) = hypothesis.probes(index);
-            let at = |probe: &[f64]| self.to_effect(hypothesis.effect(probe, &self.search.scale));
-            let mut column = at(&probe)?;
-            if let Some(beside) = beside {
-                let beside = at(&beside)?;
-                column.iter_mut().zip(beside).for_each(|(x, y)| *x -= y);
+        own_nm: &[Vec<f64>],
+    ) -> (f64, Vec<f64>) {
+        let left_by = |own_nm: &[Vec<f64>]| {
+            let raw_nm = [&self.known_nm[..], own_nm].concat();
+            let white = self.search.whitened(&raw_nm);
+            let white = DMatrix::from_vec(target_nm.len(), raw_nm.len(), white.concat());
+            let target = DVector::from_vec(self.search.whitener.apply(target_nm));
+            let mut products = white.tr_mul(&white);
+            for k in 0..products.nrows() {
+                let precision = if k < self.known_nm.len() { 1.0 } else { 0.0 };
+                // a hair of its own size keeps two equal columns apart
+                products[(k, k)] += precision + 1e-9 * products[(k, k)] + 1e-12;
             }
-            columns.push(column);
-            bounds.push(if hypothesis.is_positive() {
-                Bound::POSITIVE
-            } else {
-                Bound::FREE
-            });
-        }
-        let white: Vec<Vec<f64>> = columns
-            .iter()
-            .map(|column| self.search.whitener.apply(column))
-            .collect();
-        let fit = Fit::of(&white, target_white, &bounds);
-        let mut left_nm = target_nm.to_vec();
-        for (column, coefficient) in columns.iter().zip(&fit.coefficients) {
-            for (left, x) in left_nm.iter_mut().zip(column) {
-                *left -= coefficient * x;
+            let pulled = white.tr_mul(&target);
+            let values = products
+                .cholesky()
+                .map_or_else(|| 0.0 * &pulled, |of| of.solve(&pulled));
+            let mut left_nm = target_nm.to_vec();
+            for (column, value) in raw_nm.iter().zip(&values) {
+                let rows = left_nm.iter_mut().zip(column);
+                rows.for_each(|(left, x)| *left -= value * x);
             }
+            let square = (target - white * &values).norm_squared();
+            (
+                square,
+                left_nm,
+                values.as_slice().last().copied().unwrap_or(0.0),
+            )
+        };
+        let (square, left_nm, last) = left_by(own_nm);
+        if hypothesis.is_positive() && last < 0.0 {
+            // it could not be less than nothing
+            let (square, left_nm, _) = left_by(&[]);
+            return (square, left_nm);
         }
-        Ok((fit.square, left_nm))
+        (square, left_nm)
     }
 
     /// Where most of the motor's torque lies, row by row as it counts.

@@ -1,10 +1,7 @@
 //! How a joint's channels respond: to known values, to every effect, and to effects that repeat with an angle.
 
-use std::sync::Arc;
-
 use crate::twin::TwinError;
 use nalgebra::DMatrix;
-use robot::EffectKind;
 
 use crate::closed_loop::search::{Model, Search, difference};
 use crate::closed_loop::spectrum::{Beside, below, most_seen, peaks};
@@ -20,21 +17,6 @@ const PROBE: f64 = 0.3;
 
 /// A hypothesis with the channels' response to each of its amplitudes.
 pub(crate) type Columns = (Hypothesis, Vec<Vec<f64>>);
-
-/// Responses of the channels, with what the whitener makes of them: many fits are made to the same.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Whitened {
-    pub raw_nm: Vec<Vec<f64>>,
-    pub white: Vec<Vec<f64>>,
-}
-
-/// Responses of the channels about a model.
-#[derive(Clone, Debug)]
-pub(crate) struct Linear {
-    pub(crate) residual_nm: Vec<f64>,
-    pub(crate) known: Arc<Whitened>,
-    pub(crate) hypotheses: Vec<Columns>,
-}
 
 impl Search<'_> {
     /// Response to a change, beside a model; `base` is what [`JointTwin::coarsely`](crate::twin::JointTwin::coarsely) says of the model.
@@ -84,27 +66,26 @@ impl Search<'_> {
         &self,
         base: &[f64],
         model: &Model,
-    ) -> Result<Arc<Whitened>, TwinError> {
-        let responses = (0..self.twin.known.len())
+    ) -> Result<Vec<Vec<f64>>, TwinError> {
+        (0..self.twin.known.len())
             .on_all_cores(|index| {
                 let mut column =
                     self.response(base, model, |changes| changes.known[index] += PROBE)?;
                 column.iter_mut().for_each(|value| *value /= PROBE);
                 Ok(column)
             })
-            .collect::<Result<Vec<_>, TwinError>>()?;
-        Ok(Arc::new(self.whitened(responses)))
+            .collect()
     }
 
-    /// Responses with what the whitener makes of them.
-    pub(crate) fn whitened(&self, raw_nm: Vec<Vec<f64>>) -> Whitened {
-        let columns = raw_nm.iter();
-        let white = columns
+    /// Columns as the whitener makes them.
+    pub(crate) fn whitened(&self, columns_nm: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let columns_nm = columns_nm.iter();
+        columns_nm
             .on_all_cores(|column| self.whitener.apply(column))
-            .collect();
-        Whitened { raw_nm, white }
+            .collect()
     }
 
+    /// Responses to hypotheses, about a model.
     pub(crate) fn columns(
         &self,
         base: &[f64],
@@ -121,17 +102,16 @@ impl Search<'_> {
     }
 
     /// Periodic effects at the cycles at which a residual repeats, over what known values leave beside a model.
-    pub(crate) fn periodic_hypotheses(&self, model: &Model, linear: &Linear) -> Vec<Hypothesis> {
-        let mut cycles: Vec<f64> = linear
-            .hypotheses
-            .iter()
-            .filter(|(hypothesis, _)| hypothesis.kind == EffectKind::TorqueRipple)
-            .map(|(hypothesis, _)| hypothesis.shape[0])
-            .collect();
-        let there = cycles.len();
+    pub(crate) fn periodic_hypotheses(
+        &self,
+        model: &Model,
+        residual_nm: &[f64],
+        known_nm: &[Vec<f64>],
+    ) -> Vec<Hypothesis> {
+        let mut cycles: Vec<f64> = Vec::new();
         let rows = &self.twin.rows;
-        let target = self.whitener.apply(&linear.residual_nm);
-        let beside = Beside::new(&linear.known.white, &target);
+        let target = self.whitener.apply(residual_nm);
+        let beside = Beside::new(&self.whitened(known_nm), &target);
         let named = model.terms.iter().map(|term| &term.hypothesis);
         let of_motor = named.filter(|hypothesis| hypothesis.repeats_with_motor());
         let harmonics = of_motor.clone().flat_map(Hypothesis::harmonics);
@@ -169,6 +149,6 @@ impl Search<'_> {
                 }
             }
         }
-        cycles.drain(there..).flat_map(periodic).collect()
+        cycles.into_iter().flat_map(periodic).collect()
     }
 }

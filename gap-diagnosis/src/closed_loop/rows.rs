@@ -3,7 +3,6 @@
 
 use crate::twin::TwinError;
 
-use crate::closed_loop::respond::Linear;
 use crate::closed_loop::search::{Model, Search, Term, difference};
 use crate::effects::Hypothesis;
 use crate::evidence::{
@@ -142,14 +141,10 @@ impl About {
         let mut model = model.clone();
         model.known.resize(search.twin.known.len(), 0.0);
         let base_nm = search.coarsely_nm(&model)?;
-        let linear = Linear {
-            residual_nm: search.residual_nm(&model)?,
-            known: search.known_columns(&base_nm, &model)?,
-            hypotheses: Vec::new(),
-        };
-        let raw = linear.known.raw_nm.iter();
-        let known: Vec<Vec<f64>> = raw.map(|raw| compared.pick(raw)).collect();
-        let mut gap_nm = compared.pick(&linear.residual_nm);
+        let residual_nm = search.residual_nm(&model)?;
+        let known_nm = search.known_columns(&base_nm, &model)?;
+        let known: Vec<Vec<f64>> = known_nm.iter().map(|raw| compared.pick(raw)).collect();
+        let mut gap_nm = compared.pick(&residual_nm);
         for (column, value) in known.iter().zip(&model.known) {
             add(&mut gap_nm, column, *value);
         }
@@ -177,7 +172,7 @@ impl About {
         let of_arm = search.twin.joints() > 1;
         let others = search.hypotheses.iter().cloned();
         let others = others
-            .chain(search.periodic_hypotheses(&model, &linear))
+            .chain(search.periodic_hypotheses(&model, &residual_nm, &known_nm))
             .filter(|hypothesis| !(is_told(hypothesis) || of_arm && hypothesis.is_of_arm()))
             .collect();
         let others = search.columns(&base_nm, &model, others)?;

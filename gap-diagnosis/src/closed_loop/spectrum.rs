@@ -4,7 +4,6 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix2};
 
-use crate::fit::matrix;
 use crate::on_all_cores::OnAllCores;
 use crate::signal::waves::{PERIODS_MIN, Waves};
 use crate::twin::Row;
@@ -37,20 +36,12 @@ pub struct Beside {
 impl Beside {
     /// From whitened columns and target.
     pub fn new(known: &[Vec<f64>], target: &[f64]) -> Self {
-        Self::about(known, target, &vec![0.0; known.len()])
-    }
-
-    /// The same with priors about other values than zero.
-    pub fn about(known: &[Vec<f64>], target: &[f64], means: &[f64]) -> Self {
-        let known = matrix(known, target.len());
+        let known = DMatrix::from_vec(target.len(), known.len(), known.concat());
         let target = DVector::from_column_slice(target);
         let own = known.tr_mul(&known) + DMatrix::identity(known.ncols(), known.ncols());
         let information = own.cholesky();
         let left = match &information {
-            Some(own) => {
-                let pull = DVector::from_column_slice(means);
-                &target - &known * own.solve(&(known.tr_mul(&target) + pull))
-            }
+            Some(own) => &target - &known * own.solve(&known.tr_mul(&target)),
             None => target,
         };
         Self {
