@@ -31,7 +31,7 @@
 //!   sides: undo a reversing gear here.
 //! - **One clock.** Drives with a clock of their own tell how far the loop is from it
 //!   ([`BusReport::clock_offset_ns`](shm_types::drive::BusReport::clock_offset_ns)); the loop's instants follow, by at most a
-//!   thousandth of a period in a cycle.
+//!   hundredth of a period in a cycle.
 //! - **Safe alone.** If commands stop coming, the drives stop by themselves. Set their watchdog and read it back into
 //!   [`JointCapabilities::watchdog`]; the loop cannot stop them once its process is gone.
 //!

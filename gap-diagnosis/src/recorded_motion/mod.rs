@@ -93,16 +93,24 @@ pub fn diagnose(
         let mut joints = of_right_sign;
         report.data.extend(untold(robot, &usable.read, &pieces));
         let (mut alone, mut all) = shared::searched(robot, &mut joints, progress);
+        // what explains little of every joint is no cause of theirs: it is left out, and nothing else takes its place
+        let said = loop {
+            let best = &mut all[0];
+            without_imitations(&joints, &mut alone, &mut best.with);
+            let said = said(robot, &joints, &alone, best, materiality);
+            let mattering: Vec<Cause> = best
+                .causes()
+                .enumerate()
+                .filter(|(place, _)| matters(&said, *place, materiality))
+                .map(|(_, cause)| cause)
+                .collect();
+            if mattering.len() == best.causes().count() {
+                break said;
+            }
+            all.retain(|found| found.causes().all(|cause| mattering.contains(&cause)));
+        };
         let probabilities = Cause::ALL.map(|cause| shared::probability(cause, &all));
-        // what explains little of every joint is no cause of theirs
-        let told = all.iter_mut().find_map(|found| {
-            without_imitations(&joints, &mut alone, &mut found.with);
-            let said = said(robot, &joints, &alone, found, materiality);
-            let mut places = 0..found.shared.len();
-            let all_matter = places.all(|place| matters(&said, place, materiality));
-            all_matter.then(|| (std::mem::take(&mut found.shared), said))
-        });
-        let (shared, said) = told.unwrap_or_default();
+        let shared = all.swap_remove(0).shared;
         let mut of_shared = vec![BTreeMap::new(); shared.len()];
         let mut told = joints.iter().zip(said).peekable();
         for (index, file) in robot.joints.iter().enumerate() {

@@ -272,7 +272,7 @@ fn is_moving(
         .collect();
     // the band's filter goes over the rows both ways
     (0..position_rad.len())
-        .map(|row| !near(row, 2.0 / COMPARED_HZ).any(|row| stands[row]))
+        .map(|row| !near(row, COMPARED_HZ.recip()).any(|row| stands[row]))
         .collect()
 }
 

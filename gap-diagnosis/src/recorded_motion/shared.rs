@@ -62,11 +62,18 @@ pub fn searched(
     (alone, all)
 }
 
+impl Found {
+    /// Which.
+    pub fn causes(&self) -> impl Iterator<Item = Cause> {
+        self.shared.iter().map(Shared::cause)
+    }
+}
+
 /// How probable a cause is, among all that may be.
 pub fn probability(cause: Cause, all: &[Found]) -> f64 {
     let best = all.iter().map(|found| found.nats).fold(0.0, f64::max);
     let weight = |found: &Found| ((found.nats - best) / TEMPERATURE).exp();
-    let has = |found: &&Found| found.shared.iter().any(|shared| shared.cause() == cause);
+    let has = |found: &&Found| found.causes().any(|other| other == cause);
     let with: f64 = all.iter().filter(has).map(weight).sum();
     with / all.iter().map(weight).sum::<f64>()
 }
