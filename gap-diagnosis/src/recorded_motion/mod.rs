@@ -117,7 +117,7 @@ pub fn diagnose(
             let next = told.next_if(|(joint, _)| joint.index == index);
             let Some((joint, said)) = next else {
                 let why = usable.against[index].clone();
-                let why = why.unwrap_or_else(|| "too few rows in which it moves further than its encoder shows, without a hole".to_owned());
+                let why = why.unwrap_or_else(|| "too few rows without a hole in which it moves, or no further than friction may bend (10 mrad)".to_owned());
                 report.joints.push(insufficient(&file.name, why));
                 continue;
             };

@@ -29,6 +29,11 @@ impl Default for Presliding {
 const SHORTEST_RAD: f64 = 1e-5;
 /// Each is twice the one before, up to ten milliradians: more than gears have between their teeth.
 const LENGTHS: i32 = 10;
+/// The longest.
+pub fn longest_rad() -> f64 {
+    SHORTEST_RAD * f64::from(LENGTHS).exp2()
+}
+
 /// Golden sections between two of them: to two per cent.
 const SECTIONS: usize = 8;
 

@@ -95,7 +95,7 @@ impl Kept<'_> {
 }
 
 impl JointRows {
-    /// Rows of a joint along all pieces; none where it has no torque or too few rows.
+    /// Rows of a joint along all pieces; none where it has no torque, no rows, or does not go far enough to slip.
     ///
     /// # Errors
     /// [`FilterError`].
@@ -134,6 +134,14 @@ impl JointRows {
         let speed_rad_s = usual(of_rows(|joint| &joint.velocity_rad_s));
         let position_rad = of_rows(|joint| &joint.position_rad);
         let mean_rad = position_rad.iter().sum::<f64>() / total as f64;
+        let ends = (f64::INFINITY, f64::NEG_INFINITY);
+        let ends = position_rad.iter().fold(ends, |(least, most), rad| {
+            (f64::min(least, *rad), f64::max(most, *rad))
+        });
+        // who goes no further than friction may bend may never slip
+        if ends.1 - ends.0 < presliding::longest_rad() {
+            return Ok(None);
+        }
         let drive = Drive::of(robot, joint, source);
         let is_open = pieces
             .iter()
