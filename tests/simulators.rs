@@ -375,10 +375,19 @@ fn what_the_robot_has_and_the_simulator_has_not_is_told() {
         "{told}"
     );
     assert!(
-        told.contains("shoulder: both have: viscous friction 2.0"),
+        told.contains("shoulder: both have: viscous friction"),
         "{told}"
     );
     let report = json(&bench, "gap/report.json");
+    let effects = report["joints"][0]["effects"].as_array().unwrap();
+    let viscous = effects
+        .iter()
+        .find(|effect| effect["effect"] == "viscous_friction")
+        .unwrap();
+    let told_nm_s_rad = viscous["parameters"]["viscous_nm_s_rad"]["value"]
+        .as_f64()
+        .unwrap();
+    assert!((told_nm_s_rad - 2.0).abs() < 0.02, "{viscous}");
     let joint = &report["beside_simulator"]["joints"][0];
     assert_eq!(joint["only_robot"][0]["effect"], "coulomb_friction");
     assert_eq!(joint["both"][0]["is_same"], true);
