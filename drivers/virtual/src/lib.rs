@@ -72,7 +72,10 @@ pub enum BusFault {
 
 /// What goes over a cable is changed on its way, either way: a frame of EtherCAT, a line to a port, or what is read from one at
 /// once.
-pub struct Noise(pub Box<dyn FnMut(&mut Vec<u8>) + Send>);
+pub struct Noise(pub Change);
+
+/// Changes what goes over a cable.
+pub type Change = Box<dyn FnMut(&mut Vec<u8>) + Send>;
 
 impl fmt::Debug for Noise {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
