@@ -111,8 +111,9 @@ impl Joint {
         }]
     }
 
-    pub fn evidence<R>(&self, shared: Option<&Prior>, of: impl FnOnce(&Problem<'_>) -> R) -> R {
-        of(&Problem {
+    /// What decides among its names, beside what the arm shares.
+    pub fn evidence(&self, shared: Option<&Prior>) -> Evidence {
+        Evidence::of(&Problem {
             gap_nm: &self.rows.seen.gap_nm(),
             spans: &self.spans(),
             items: &self.items(),
@@ -122,6 +123,7 @@ impl Joint {
         })
     }
 
+    /// The gap of its torque beside the noise.
     pub fn signal_gap(&self) -> SignalGap {
         let rows = self.rows.seen.count().max(1) as f64;
         let gap_nm = self.rows.seen.gap_nm();
@@ -132,8 +134,9 @@ impl Joint {
         }
     }
 
+    /// Its sets beside what the arm shares.
     pub fn searched(&self, shared: Option<&Prior>) -> Searched {
-        let evidence = self.evidence(shared, Evidence::of);
+        let evidence = self.evidence(shared);
         let sets = evidence.best(|fit| self.is_possible(fit));
         Searched {
             evidence,

@@ -6,9 +6,9 @@ use robot::Robot;
 
 use super::joint::{Joint, Searched};
 use crate::diagnose::Progress;
+use crate::evidence::Message;
 use crate::evidence::arm::{self, Cause, ROUNDS, Shared};
 use crate::evidence::told::TEMPERATURE;
-use crate::evidence::{Evidence, Message};
 use crate::on_all_cores::OnAllCores;
 
 /// Causes that the arm may share, with every joint beside them.
@@ -120,7 +120,7 @@ fn beside(robot: &Robot, joints: &[Joint], alone: &[Searched], causes: &[Cause])
                 }
                 // names that were found without the cause may stand for it
                 if round == 0 {
-                    let evidence = joint.evidence(Some(prior), Evidence::of);
+                    let evidence = joint.evidence(Some(prior));
                     return evidence.message(evidence.usual());
                 }
                 let searched = with[place].as_ref()?;
