@@ -2,7 +2,7 @@
 
 use commissioning::{Eyes, Finding, Stage, Step, Verdict, small_sine, watch};
 use plant_emulator::drives::EmulatedDrives;
-use robot::{Push, Robot};
+use robot::{Push, Robot, RobotFile, Source};
 use rt_loop::driver::DriveFault;
 use shm_types::control_options::ControlOptions;
 use shm_types::instance::{ControlMode, Mode, RunConfig, Wait};
@@ -78,9 +78,9 @@ effects = [
 "#;
 
 fn arm() -> Robot {
-    let file = std::env::temp_dir().join(format!("commissioning-{}.toml", std::process::id()));
-    std::fs::write(&file, ARM).expect("written");
-    robot::load(file.to_str().expect("a plain path")).expect("a robot")
+    RobotFile::parse(ARM, "arm.toml")
+        .and_then(|file| file.build(Source::File("arm.toml".into())))
+        .expect("a robot")
 }
 
 /// A hand that holds a joint at its torque for a second: 5.1 Nm go 0.16 rad against the spring.
