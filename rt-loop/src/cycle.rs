@@ -89,8 +89,10 @@ pub struct CycleState {
     resetting_cycles: u64,
     /// Why the last command was not handed to the drives.
     unsent: Option<DriveFault>,
-    /// How each drive was, as the last sample had it.
+    /// How each drive was, as the last sample had it. Its ages go on where none comes: what was told once gets old.
     pub drives: DriveReport,
+    /// The cycle that the ages of `drives` are told for; none before the first sample.
+    drives_cycle: Option<u64>,
     /// How the bus was, as the last sample had it.
     pub bus: BusReport,
 }
@@ -144,6 +146,7 @@ impl CycleState {
         sample: &DriveSample,
     ) -> Result<(), DriveFault> {
         (self.drives, self.bus) = (sample.drives, sample.bus);
+        self.drives_cycle = Some(cycle);
         let ages = &sample.drives.age_cycles[..config.joint_count()];
         if let Some(joint) = ages.iter().position(|&age| age > AGE_MAX_CYCLES) {
             if sample.bus.faults & bus_fault::BUS_OFF != 0 {
@@ -191,6 +194,7 @@ impl CycleState {
     #[cfg_attr(rtsan, sanitize(realtime = "nonblocking"))]
     pub fn step(&mut self, config: &CycleConfig, input: &CycleInput<'_>) -> CycleOutput {
         self.clock.advance(config, self.state, input.cycle);
+        self.age_drives(input.cycle);
         self.observe(config, input);
         let event = self.event(config, input);
         let before = self.state;
@@ -205,6 +209,18 @@ impl CycleState {
         CycleOutput {
             drive_command: self.drive_command(config, input),
             limited_joints,
+        }
+    }
+
+    /// What is known of the drives is as old as the last sample that told it.
+    fn age_drives(&mut self, cycle: u64) {
+        let Some(told) = self.drives_cycle else {
+            return;
+        };
+        self.drives_cycle = Some(cycle);
+        let passed = u32::try_from(cycle.saturating_sub(told)).unwrap_or(u32::MAX);
+        for age_cycles in &mut self.drives.age_cycles {
+            *age_cycles = age_cycles.saturating_add(passed);
         }
     }
 

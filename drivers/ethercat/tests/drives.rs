@@ -1,4 +1,4 @@
-//! The driver with virtual drives over a veth pair, in a network namespace of its own. Where that is not allowed the tests say so
+//! Opening the driver with virtual drives over a veth pair, in a network namespace of its own. Where that is not allowed the tests say so
 //! and end.
 
 use std::process::{Command, Stdio};
@@ -9,10 +9,10 @@ use std::time::Duration;
 
 use ethercat::ETHERCAT;
 use ethercat_emulator::socket::{RawSocket, now_ns, serve};
-use ethercat_emulator::{Fault, Options, Segment, TimedFault, VENDOR, segment, wire};
+use ethercat_emulator::{Options, Segment, VENDOR, segment, wire};
 use plant_emulator::PlantParameters;
 use robot::Robot;
-use rt_loop::driver::{AcyclicError, DriveFault, Driver, Object, OpenContext};
+use rt_loop::driver::{DriveFault, Driver, OpenContext};
 use shm_types::control_options::ControlOptions;
 use shm_types::drive::DriveState;
 use shm_types::instance::{ControlMode, Mode, RunConfig, Wait};
@@ -174,26 +174,20 @@ impl Loop {
         self.planned_ns = self.planned_ns.saturating_add_signed(follow_ns) + PERIOD_NS;
     }
 
-    fn cycles(&mut self, count: usize) {
-        for _ in 0..count {
+    fn until_all(&mut self, joints: usize, state: DriveState) {
+        for _ in 0..5000 {
             self.cycle();
-        }
-    }
-
-    fn until(&mut self, what: &str, reached: impl Fn(&DriveSample) -> bool) -> usize {
-        for count in 0..5000 {
-            self.cycle();
-            if reached(&self.last) {
-                return count;
+            let drives = &self.last.drives;
+            if (0..joints).all(|joint| drives.state_of(joint) == state) {
+                return;
             }
         }
-        panic!("never {what}: {:?}, {:?}", self.last.drives, self.errors);
-    }
-
-    fn until_all(&mut self, joints: usize, state: DriveState) -> usize {
-        self.until(state.name(), |sample| {
-            (0..joints).all(|joint| sample.drives.state_of(joint) == state)
-        })
+        panic!(
+            "never {}: {:?}, {:?}",
+            state.name(),
+            self.last.drives,
+            self.errors
+        );
     }
 
     fn enable(&mut self, joints: usize, mode: DriveMode) {
@@ -203,194 +197,6 @@ impl Loop {
         self.until_all(joints, DriveState::Enabled);
         self.command.request = DriveRequest::None as u32;
     }
-}
-
-#[test]
-fn torque_moves_a_joint_and_the_clocks_come_into_step() {
-    if !is_inside("torque_moves_a_joint_and_the_clocks_come_into_step") {
-        return;
-    }
-    let drives = Drives::start("shd17", |_| {});
-    let mut bench = Loop::open(&robot("shd17", "", ""));
-    let told = bench.driver.capabilities();
-    assert_eq!(told.joints.len(), 1);
-    let joint = &told.joints[0];
-    let modes = [DriveMode::Torque, DriveMode::Velocity, DriveMode::Position];
-    assert_eq!(joint.modes, modes);
-    assert_eq!(joint.watchdog, Some(Duration::from_millis(20)));
-    assert!((joint.motor_torque_max_nm.expect("a limit") - 0.372).abs() < 1e-9);
-    bench.enable(1, DriveMode::Torque);
-    bench.cycles(1500);
-    let first_rad = bench.last.readings.motor_position_rad[0];
-    bench.command.motor_torque_nm[0] = 0.1;
-    bench.cycles(100);
-    assert!(bench.last.readings.motor_position_rad[0] > first_rad + 1.0);
-    assert!((bench.last.readings.motor_torque_nm[0] - 0.1).abs() < 0.01);
-    let apart_rad = bench.last.readings.link_position_rad[0]
-        - bench.last.readings.motor_position_rad[0] / 100.0;
-    assert!(
-        apart_rad.abs() < 0.05,
-        "two encoders, {apart_rad} rad apart"
-    );
-    println!(
-        "clock {} offset {} ns, {} frames lost, {:?}",
-        bench.last.bus.clock,
-        bench.last.bus.clock_offset_ns,
-        bench.last.bus.frames_lost,
-        bench.errors
-    );
-    // beside the cycle, from a thread of its own
-    let mut acyclic = bench.driver.acyclic().expect("a channel");
-    let asked = std::thread::spawn(move || {
-        let mut bytes = [0; 8];
-        let rated = Object {
-            index: 0x6076,
-            sub_index: 0,
-        };
-        let read = acyclic.read(0, rated, &mut bytes);
-        let missing = Object {
-            index: 0x2000,
-            sub_index: 0,
-        };
-        (read, bytes, acyclic.read(0, missing, &mut bytes))
-    });
-    while !asked.is_finished() {
-        bench.cycle();
-    }
-    let (read, bytes, missing) = asked.join().expect("answers");
-    assert_eq!((read, &bytes[..4]), (Ok(4), &124_u32.to_le_bytes()[..]));
-    let refused = AcyclicError::Refused { code: 0x0602_0000 };
-    assert_eq!(missing, Err(refused));
-    assert_eq!(bench.last.drives.state_of(0), DriveState::Enabled);
-    bench.driver.shutdown();
-    let segment = drives.end();
-    assert_eq!(segment.slaves()[0].al_state(), 1, "left in INIT");
-    assert_eq!(segment.slaves()[0].object(0x603f, 0), 0, "without a fault");
-}
-
-#[test]
-fn seven_joints_follow_velocities_and_positions() {
-    if !is_inside("seven_joints_follow_velocities_and_positions") {
-        return;
-    }
-    let drives = Drives::start("pa10", |options| options.axes_per_slave = 2);
-    let mut bench = Loop::open(&robot("pa10", "", ""));
-    bench.enable(7, DriveMode::Velocity);
-    bench.command.joint_velocity_rad_s[..7].fill(0.1);
-    let first = bench.last.readings.motor_position_rad;
-    bench.cycles(1000);
-    for (joint, first_rad) in first.iter().enumerate().take(7) {
-        let moved_rad = (bench.last.readings.motor_position_rad[joint] - first_rad) / 50.0;
-        assert!(moved_rad > 0.05, "joint {joint}: {moved_rad} rad");
-    }
-    bench.command.mode = DriveMode::Position as u32;
-    for joint in 0..7 {
-        bench.command.joint_position_rad[joint] =
-            bench.last.readings.motor_position_rad[joint] / 50.0;
-    }
-    let held = bench.last.readings.motor_position_rad;
-    bench.cycles(500);
-    for (joint, held_rad) in held.iter().enumerate().take(7) {
-        let away_rad = (bench.last.readings.motor_position_rad[joint] - held_rad) / 50.0;
-        assert!(away_rad.abs() < 0.03, "joint {joint}: {away_rad} rad");
-        assert_eq!(bench.last.drives.state_of(joint), DriveState::Enabled);
-    }
-    bench.driver.shutdown();
-    drives.end();
-}
-
-#[test]
-fn a_drive_fault_is_told_with_its_code_and_reset_by_edges() {
-    if !is_inside("a_drive_fault_is_told_with_its_code_and_reset_by_edges") {
-        return;
-    }
-    let fault = TimedFault {
-        at_ns: 1_500_000_000,
-        fault: Fault::DriveFault {
-            joint: 2,
-            code: 0x4310,
-            for_ns: 0,
-        },
-    };
-    let drives = Drives::start("pa10", |options| options.faults = vec![fault]);
-    let mut bench = Loop::open(&robot("pa10", "", ""));
-    bench.enable(7, DriveMode::Velocity);
-    bench.until("a fault", |sample| sample.drives.state_of(2).is_faulted());
-    assert_eq!(bench.last.drives.error_code[2], 0x4310);
-    assert_eq!(bench.last.drives.error_code[1], 0);
-    bench.command.mode = DriveMode::Braked as u32;
-    bench.command.request = DriveRequest::QuickStop as u32;
-    bench.cycles(300);
-    bench.command.request = DriveRequest::ResetFault as u32;
-    bench.until_all(7, DriveState::SwitchedOff);
-    bench.command.request = DriveRequest::None as u32;
-    bench.enable(7, DriveMode::Velocity);
-    bench.driver.shutdown();
-    drives.end();
-}
-
-#[test]
-fn one_slave_that_is_cut_off_ages_alone() {
-    if !is_inside("one_slave_that_is_cut_off_ages_alone") {
-        return;
-    }
-    let cut = TimedFault {
-        at_ns: 1_000_000_000,
-        fault: Fault::CableOut {
-            after: 5,
-            for_ns: 500_000_000,
-        },
-    };
-    let drives = Drives::start("pa10", |options| options.faults = vec![cut]);
-    let mut bench = Loop::open(&robot("pa10", "", ""));
-    bench.enable(7, DriveMode::Velocity);
-    bench.until("cut", |sample| sample.drives.age_cycles[6] > 4);
-    assert_eq!(
-        bench.last.drives.age_cycles[5],
-        bench.last.drives.age_cycles[6]
-    );
-    assert_eq!(bench.last.drives.age_cycles[..5], [0; 5]);
-    assert_eq!(bench.last.bus.working_counter, 5);
-    assert_eq!(bench.last.bus.working_counter_expected, 7);
-    // its watchdog took it out of OP meanwhile
-    bench.until("back", |sample| {
-        sample.drives.device_status[6] != 0 && sample.drives.age_cycles[6] == 0
-    });
-    assert_eq!(bench.last.drives.device_status[6], 0x001b_0014);
-    bench.command.mode = DriveMode::Braked as u32;
-    bench.command.request = DriveRequest::QuickStop as u32;
-    bench.cycles(200);
-    bench.command.request = DriveRequest::ResetFault as u32;
-    bench.until("in OP again", |sample| {
-        sample.drives.device_status[..7] == [0; 7]
-    });
-    bench.until_all(7, DriveState::SwitchedOff);
-    bench.driver.shutdown();
-    drives.end();
-}
-
-#[test]
-fn lost_and_doubled_frames_are_counted_and_survived() {
-    if !is_inside("lost_and_doubled_frames_are_counted_and_survived") {
-        return;
-    }
-    let at = |ms: u64, fault: Fault| TimedFault {
-        at_ns: ms * 1_000_000,
-        fault,
-    };
-    let faults = vec![
-        at(800, Fault::FrameDoubled { count: 20 }),
-        at(1000, Fault::FrameLost { count: 1 }),
-        at(1200, Fault::CounterShort { slave: 0, count: 1 }),
-    ];
-    let drives = Drives::start("shd17", |options| options.faults = faults);
-    let mut bench = Loop::open(&robot("shd17", "watchdog_ms = 200.0", ""));
-    bench.enable(1, DriveMode::Velocity);
-    bench.cycles(1500);
-    assert_eq!(bench.last.drives.state_of(0), DriveState::Enabled);
-    assert!(bench.last.bus.frames_lost <= 1 + bench.errors.len() as u64);
-    bench.driver.shutdown();
-    drives.end();
 }
 
 #[test]

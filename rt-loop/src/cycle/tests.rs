@@ -657,6 +657,24 @@ fn a_silent_joint_costs_the_sample_only_when_it_cannot_be_seen_through() {
 }
 
 #[test]
+fn what_is_known_of_the_drives_gets_old_where_no_sample_comes() {
+    let mut state = CycleState::default();
+    run(&mut state, 3, Err(DriveFault::NoSample), None);
+    assert_eq!(state.drives.age_cycles[0], 0, "nothing was told yet");
+    let mut told = sample(0.0);
+    told.drives.age_cycles[1] = 2;
+    assert_eq!(state.admit(&config(), 4, &told), Ok(()));
+    run(&mut state, 4, Ok(&told), None);
+    assert_eq!(state.drives.age_cycles[..2], [0, 2]);
+    for cycle in [5, 6, 10] {
+        run(&mut state, cycle, Err(DriveFault::LinkLost), None);
+    }
+    assert_eq!(state.drives.age_cycles[..2], [6, 8]);
+    assert_eq!(state.admit(&config(), 11, &told), Ok(()));
+    assert_eq!(state.drives.age_cycles[..2], [0, 2]);
+}
+
+#[test]
 fn samples_that_are_not_ours_or_no_numbers_are_faults() {
     let mut foreign = sample(0.0);
     foreign.header.session = 8;
