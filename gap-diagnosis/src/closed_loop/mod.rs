@@ -15,12 +15,13 @@ mod shared;
 mod spectrum;
 pub mod values;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use crate::twin::TwinError;
-use recording::Recording;
+use recording::{Recording, without_misread};
 use robot::Robot;
 
 use crate::checks::data::{Checked, ONE_FREQUENCY};
@@ -500,6 +501,8 @@ pub fn diagnose(
         return Err(DiagnoseError::Nothing);
     }
     let checked = Checked::of(robot, &tables);
+    let whole: Vec<Cow<Recording>> = tables.iter().map(|table| without_misread(table)).collect();
+    let tables: Vec<&Recording> = whole.iter().map(AsRef::as_ref).collect();
     let against: Vec<Option<String>> = robot
         .joints
         .iter()

@@ -14,10 +14,11 @@ mod shared;
 mod signals;
 mod usable;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use recording::{Recording, Signal};
+use recording::{Recording, Signal, without_misread};
 use robot::Robot;
 
 use crate::diagnose::{
@@ -54,6 +55,8 @@ pub fn diagnose(
     report.twin = TwinKind::FollowsMotion;
     let mut usable = Usable::of(robot, &tables);
     report.data.extend(usable.findings.iter().cloned());
+    let whole: Vec<Cow<Recording>> = tables.iter().map(|table| without_misread(table)).collect();
+    let tables: Vec<&Recording> = whole.iter().map(AsRef::as_ref).collect();
     let mut traces = Vec::new();
     if usable.against.iter().any(Option::is_none) {
         let pieces = motion::pieces_of(robot, &tables, &usable.read)?;

@@ -13,6 +13,7 @@ mod torque;
 
 pub use motion::STILL_RAD;
 
+use crate::misread;
 use crate::statistics::span;
 use crate::{JointColumns, Recording, Signal};
 use serde::{Deserialize, Serialize};
@@ -60,6 +61,8 @@ pub enum FindingKind {
     MissingValues,
     /// A signal stays while the joint moves.
     StuckSignal,
+    /// A position leaps away and back.
+    Misread,
     /// Neither encoder.
     NoPosition,
     /// Nothing tells the torque.
@@ -155,6 +158,8 @@ impl CheckRobot {
 #[must_use]
 pub fn check(recording: &Recording, robot: Option<&CheckRobot>) -> Vec<Finding> {
     let mut findings = timing::check(recording);
+    findings.extend(misread::check(recording));
+    let recording = &*misread::without_misread(recording);
     if recording.rows() >= timing::ROWS_MIN {
         findings.extend(swap::check(recording));
         for joint in &recording.joints {
@@ -211,7 +216,7 @@ impl Finding {
         Self::new(Severity::Error, kind, what)
     }
 
-    fn warning(kind: FindingKind, what: String) -> Self {
+    pub(crate) fn warning(kind: FindingKind, what: String) -> Self {
         Self::new(Severity::Warning, kind, what)
     }
 
@@ -219,21 +224,21 @@ impl Finding {
         Self::new(Severity::Note, kind, what)
     }
 
-    fn at(self, joint: &JointColumns) -> Self {
+    pub(crate) fn at(self, joint: &JointColumns) -> Self {
         Self {
             joint: Some(joint.name.clone()),
             ..self
         }
     }
 
-    fn of(self, signal: Signal) -> Self {
+    pub(crate) fn of(self, signal: Signal) -> Self {
         Self {
             signal: Some(signal),
             ..self
         }
     }
 
-    fn decided_by(self, value: f64) -> Self {
+    pub(crate) fn decided_by(self, value: f64) -> Self {
         Self {
             value: Some(value),
             ..self
