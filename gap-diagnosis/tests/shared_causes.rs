@@ -145,6 +145,43 @@ fn a_tilted_base_is_told_as_one() {
     has_friction(&report);
 }
 
+/// Arms are mounted on walls and ceilings, and their files seldom say so.
+#[test]
+fn a_base_on_its_side_or_upside_down_is_a_tilt() {
+    use std::f64::consts::PI;
+    for (roll_rad, pitch_rad) in [(0.0, PI / 2.0), (-PI / 2.0, 0.0), (PI, 0.0), (0.4, -0.9)] {
+        let report = told(vec![Effect::BaseTilt {
+            roll_rad,
+            pitch_rad,
+        }]);
+        let shared = &report.shared_effects;
+        let named: Vec<&str> = shared.iter().map(|s| s.effect.effect.as_str()).collect();
+        assert_eq!(named, ["base_tilt"], "{roll_rad} {pitch_rad}");
+        let value = |name: &str| shared[0].effect.parameters[name].value;
+        let found = Effect::BaseTilt {
+            roll_rad: value("roll_rad"),
+            pitch_rad: value("pitch_rad"),
+        };
+        let on = |tilt: Effect| {
+            let robot = Robot {
+                shared_effects: vec![tilt],
+                ..robot()
+            };
+            robot.loaded_chain().unwrap().gravity_m_s2()
+        };
+        let real = on(Effect::BaseTilt {
+            roll_rad,
+            pitch_rad,
+        });
+        let off = on(found).angle(&real);
+        assert!(off < 0.02, "{off} rad at {roll_rad} {pitch_rad}");
+        for joint in &report.joints[1..] {
+            let torque = joint.gap.torque_rms_nm;
+            assert!(torque.after < 0.05 * torque.before, "{}", joint.joint);
+        }
+    }
+}
+
 #[test]
 fn friction_alone_is_no_cause_that_joints_share() {
     let report = told(Vec::new());

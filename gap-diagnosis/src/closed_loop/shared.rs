@@ -133,7 +133,7 @@ fn worth<'a>(
                 _ => None,
             })
             .collect();
-        let together = arm::all(&[cause], &messages);
+        let together = arm::all(&arm::prior(&[cause]), &messages);
         let Some((next, _)) = together.said() else {
             return Ok(None);
         };
@@ -143,7 +143,7 @@ fn worth<'a>(
         }
         said = next;
     }
-    let others = arm::others(&[cause], &messages);
+    let others = arm::others(&arm::prior(&[cause]), &messages);
     let with = joints
         .iter()
         .zip(all)

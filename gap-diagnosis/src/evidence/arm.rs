@@ -37,7 +37,7 @@ impl Cause {
     }
 
     /// Standard deviation of each amplitude before anything was seen, far beyond what arms carry or stand on: 100 kg, 100 kg m; 1 rad.
-    fn deviation(self) -> f64 {
+    pub fn deviation(self) -> f64 {
         match self {
             Self::Payload => 100.0,
             Self::Tilt => 1.0,
@@ -184,21 +184,21 @@ pub fn prior(causes: &[Cause]) -> Message {
     }
 }
 
-/// What each joint's others say, from what each says beside its names.
-pub fn others(causes: &[Cause], own: &[Option<Message>]) -> Vec<Message> {
+/// What each joint's others say, from what each says beside its names, and what is known before.
+pub fn others(prior: &Message, own: &[Option<Message>]) -> Vec<Message> {
     (0..own.len())
         .map(|joint| {
             let beside = own.iter().enumerate().filter(|(k, _)| *k != joint);
             let said = beside.filter_map(|(_, message)| message.as_ref());
-            said.fold(prior(causes), |sum, message| sum.and(message))
+            said.fold(prior.clone(), |sum, message| sum.and(message))
         })
         .collect()
 }
 
-/// What all say.
-pub fn all(causes: &[Cause], own: &[Option<Message>]) -> Message {
+/// What all say, and what is known before.
+pub fn all(prior: &Message, own: &[Option<Message>]) -> Message {
     let said = own.iter().flatten();
-    said.fold(prior(causes), |sum, message| sum.and(message))
+    said.fold(prior.clone(), |sum, message| sum.and(message))
 }
 
 /// Causes by what each joint says of them, where they are worth their cost with what the joints gain by them together, and an arm can have
@@ -210,7 +210,7 @@ pub fn found(
     gained_nats: f64,
 ) -> Option<(Vec<Shared>, f64)> {
     let nats = gained_nats - cost(causes);
-    let (said, covariance) = all(causes, own).said()?;
+    let (said, covariance) = all(&prior(causes), own).said()?;
     let mut from = 0;
     let mut shared = Vec::new();
     for cause in causes {

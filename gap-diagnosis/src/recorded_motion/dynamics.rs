@@ -4,7 +4,7 @@
 use joint_model::friction::Sliding;
 use joint_model::harmonic;
 use joint_model::rigid_body::{Chain, Link};
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use robot::{Effect, Robot, Tolerance, changed_chain};
 
 use super::motion::{JointMotion, Piece};
@@ -35,16 +35,20 @@ pub struct Torques {
     /// By what a point at the last link's x, y, z, and x and y, y and z, x and z together, adds of inertia per kilogram and square metre,
     /// without its mass.
     pub tip: Vec<ArmColumn>,
-    /// By the base's roll and pitch.
+    /// By gravity along the base's x, y and z, as parts of it: what a tilted base changes.
     pub tilt: Vec<ArmColumn>,
+}
+
+/// The arm's bodies as the robot file has them.
+pub fn chain(robot: &Robot) -> Chain {
+    // a robot that was built from a file has a chain
+    robot.loaded_chain().unwrap_or_else(|_| robot.chain.clone())
 }
 
 impl Torques {
     /// Along a piece.
     pub fn along(robot: &Robot, piece: &Piece) -> Self {
-        let chain = robot.loaded_chain();
-        // a robot that was built from a file has a chain
-        let chain = chain.as_ref().unwrap_or(&robot.chain);
+        let chain = &chain(robot);
         let rows = Rows::of(piece);
         let rigid_nm = rows.torque_nm(chain);
         let change = |changed: &Chain, factor: f64| ArmColumn {
@@ -72,7 +76,7 @@ impl Torques {
                 .collect(),
             tilt: tilted(chain)
                 .iter()
-                .map(|changed| change(changed, 1.0 / TILT_RAD))
+                .map(|changed| change(changed, 1.0 / GRAVITY_PART))
                 .collect(),
             rigid_nm,
         }
@@ -249,23 +253,23 @@ fn tip(chain: &Chain) -> Vec<Chain> {
         .unwrap_or_default()
 }
 
-/// Turn of the base by which its effect is found.
-const TILT_RAD: f64 = 1e-3;
+/// Part of gravity by which the effect of more of it along an axis is found: it is linear, so any would do.
+const GRAVITY_PART: f64 = 1e-3;
 
-/// Chains on a base that rolls and pitches; none where nothing falls.
+/// Chains with more gravity along each axis; none where nothing falls.
 fn tilted(chain: &Chain) -> Vec<Chain> {
-    let turns = [(TILT_RAD, 0.0), (0.0, TILT_RAD)];
-    let all = turns.into_iter().filter_map(|(roll_rad, pitch_rad)| {
-        let turn = UnitQuaternion::from_euler_angles(roll_rad, pitch_rad, 0.0);
+    let gravity_m_s2 = chain.gravity_m_s2();
+    let more_m_s2 = GRAVITY_PART * gravity_m_s2.norm();
+    if more_m_s2 == 0.0 {
+        return Vec::new();
+    }
+    let axes = [Vector3::x(), Vector3::y(), Vector3::z()].into_iter();
+    let all = axes.filter_map(|axis| {
         let mut on = chain.clone();
-        on.set_gravity(turn.inverse() * chain.gravity_m_s2()).ok()?;
+        on.set_gravity(gravity_m_s2 + more_m_s2 * axis).ok()?;
         Some(on)
     });
-    if chain.gravity_m_s2().norm() > 0.0 {
-        all.collect()
-    } else {
-        Vec::new()
-    }
+    all.collect()
 }
 
 /// What the robot file needs of one joint, beyond its rigid bodies.

@@ -5,6 +5,7 @@
 //! recorded, which cannot leave the recording. What has a state of its own (a gear's windup, hysteresis, a delay) is not seen.
 
 mod dynamics;
+mod gravity;
 mod joint;
 mod laws;
 mod motion;
@@ -25,7 +26,7 @@ use crate::diagnose::{
     DiagnoseError, Diagnosis, JointTraces, Progress, blank_report, insufficient,
 };
 use crate::evidence::Fit;
-use crate::evidence::arm::{Cause, Shared};
+use crate::evidence::arm::Cause;
 use crate::evidence::shares::Interval;
 use crate::evidence::told::{Found, Said};
 use crate::on_all_cores::OnAllCores;
@@ -212,7 +213,6 @@ fn said(
     found: &shared::Found,
     materiality: f64,
 ) -> Vec<Said> {
-    let named: Vec<(&'static str, usize)> = found.shared.iter().map(Shared::named).collect();
     let both = joints.iter().zip(alone).zip(&found.with).enumerate();
     both.on_all_cores(|(place, ((joint, alone), with))| {
         let best = with.as_ref().unwrap_or(alone);
@@ -224,6 +224,8 @@ fn said(
                 mean_rad: joint.rows.mean_rad,
             },
         };
+        let named = |cause: Cause| (cause.name(), joint.of_arm(cause).len());
+        let named: Vec<(&'static str, usize)> = found.causes().map(named).collect();
         let found = Found {
             joint: &robot.joints[joint.index].name,
             rows: &joint.rows.seen,

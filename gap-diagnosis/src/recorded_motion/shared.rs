@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use robot::Robot;
 
+use super::gravity::{COMPONENTS, Gravity};
 use super::joint::{Joint, Searched};
 use crate::diagnose::Progress;
 use crate::evidence::Message;
@@ -81,13 +82,14 @@ pub fn probability(cause: Cause, all: &[Found]) -> f64 {
 /// Every joint beside shared causes; none where fewer than two joints see them, or they are not worth their cost.
 fn beside(robot: &Robot, joints: &[Joint], alone: &[Searched], causes: &[Cause]) -> Option<Found> {
     // a torque in another unit tells nothing of what the arm carries
+    let mut gravity = Gravity::of(robot);
     let sees: Vec<bool> = joints
         .iter()
         .map(|joint| {
             let shows = |cause: &Cause| {
                 let columns = joint.of_arm(*cause);
                 let mut values = columns.iter().flatten();
-                columns.len() == cause.amplitudes() && values.any(|x| x.abs() > f64::EPSILON)
+                !columns.is_empty() && values.any(|x| x.abs() > f64::EPSILON)
             };
             joint.unit.is_none() && causes.iter().all(shows)
         })
@@ -106,7 +108,7 @@ fn beside(robot: &Robot, joints: &[Joint], alone: &[Searched], causes: &[Cause])
         .iter()
         .map(|joint| Prior {
             columns: columns(joint, [0.0; 3]),
-            message: arm::prior(causes),
+            message: gravity.prior(causes),
         })
         .collect();
     let mut with: Vec<Option<Searched>> = Vec::new();
@@ -127,13 +129,17 @@ fn beside(robot: &Robot, joints: &[Joint], alone: &[Searched], causes: &[Cause])
                 searched.evidence.message(searched.sets[0].names)
             })
             .collect();
-        let (said, _) = arm::all(causes, &own).said()?;
+        let (said, _) = arm::all(&gravity.prior(causes), &own).said()?;
         // a payload is the first
         let centre_m = match causes[0] {
             Cause::Payload => [1, 2, 3].map(|k| said[k] / said[0]),
             Cause::Tilt => [0.0; 3],
         };
-        let messages = arm::others(causes, &own).into_iter();
+        if causes.contains(&Cause::Tilt) {
+            // it is the last
+            gravity.turn(&said.as_slice()[said.len() - COMPONENTS..]);
+        }
+        let messages = arm::others(&gravity.prior(causes), &own).into_iter();
         priors = joints
             .iter()
             .zip(messages)
@@ -153,6 +159,10 @@ fn beside(robot: &Robot, joints: &[Joint], alone: &[Searched], causes: &[Cause])
         .iter()
         .zip(&with)
         .filter_map(|(alone, with)| Some(with.as_ref()?.ahead_of(alone, 1.0)));
+    let own: Vec<Option<Message>> = own
+        .iter()
+        .map(|said| Some(gravity.as_tilt(causes, said.as_ref()?)))
+        .collect();
     let (shared, nats) = arm::found(causes, robot, &own, gained.sum())?;
     Some(Found { with, shared, nats })
 }
