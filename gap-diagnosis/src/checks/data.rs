@@ -12,10 +12,11 @@ use crate::report::DataFinding;
 /// What is wrong with a recording as one of this robot, or missing, worst first.
 pub fn findings(robot: &Robot, recording: &Recording) -> Vec<Finding> {
     let mut findings = check(recording, Some(&check_robot(robot)));
-    // positions that are wrong let any joint seem to be another
+    // positions or times that are wrong let any joint seem to be another
     let is_wrong = |finding: &Finding| {
+        let is_of_motion = finding.is_of_position() || finding.kind == FindingKind::RateOff;
         finding.kind == FindingKind::SwappedJoints
-            || finding.severity == Severity::Error && finding.is_of_position()
+            || finding.severity == Severity::Error && is_of_motion
     };
     if findings.iter().any(is_wrong) {
         return findings;

@@ -163,7 +163,7 @@ fn is_of_sign(finding: &Finding) -> bool {
 fn is_bridged(finding: &Finding) -> bool {
     matches!(
         finding.kind,
-        FindingKind::Gaps | FindingKind::Jitter | FindingKind::RateOff | FindingKind::RepeatedTimes
+        FindingKind::Gaps | FindingKind::Jitter | FindingKind::RepeatedTimes
     )
 }
 
@@ -187,5 +187,40 @@ fn reported(finding: &Finding, is_used: bool) -> DataFinding {
         severity: severity.to_owned(),
         what,
         remedy: finding.remedy.clone(),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+mod tests {
+    use super::*;
+    use crate::made_up::swinging;
+
+    #[test]
+    fn a_time_that_is_wrong_is_against_every_joint() {
+        let robot = robot::load("pa10").unwrap();
+        let mut recording = swinging(&robot, None);
+        let rate_hz = recording.sample_rate_hz;
+        for joint in &mut recording.joints {
+            let position = &joint.signals[&Signal::MotorPositionRad];
+            let last = position.len() - 1;
+            let velocity = (0..=last).map(|row| {
+                let (from, to) = (row.saturating_sub(1), (row + 1).min(last));
+                (position[to] - position[from]) * rate_hz / (to - from) as f64
+            });
+            let velocity = velocity.collect();
+            joint.signals.insert(Signal::MotorVelocityRadS, velocity);
+        }
+        let against = |recording: &Recording| Usable::of(&robot, &[recording]).against;
+        assert!(against(&recording).iter().all(Option::is_none));
+        recording.sample_rate_hz /= 3.0;
+        recording
+            .time_s
+            .iter_mut()
+            .for_each(|time_s| *time_s *= 3.0);
+        for against in against(&recording) {
+            let against = against.unwrap();
+            assert!(against.contains("the time is wrong"), "{against}");
+        }
     }
 }

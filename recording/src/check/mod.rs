@@ -162,13 +162,17 @@ pub fn check(recording: &Recording, robot: Option<&CheckRobot>) -> Vec<Finding> 
     let recording = &*misread::without_misread(recording);
     if recording.rows() >= timing::ROWS_MIN {
         findings.extend(swap::check(recording));
-        for joint in &recording.joints {
-            let of_robot = robot.and_then(|robot| robot.joint(&joint.name));
-            let seen = scale::Scales::of(recording, joint, of_robot);
-            findings.extend(scale::check(recording, joint, of_robot, &seen));
-            findings.extend(motion::check(recording, joint, &seen));
+        let of_robot = |joint: &JointColumns| robot.and_then(|robot| robot.joint(&joint.name));
+        let joints = recording.joints.iter();
+        let seen = joints.map(|joint| scale::Scales::of(recording, joint, of_robot(joint)));
+        let mut seen: Vec<scale::Scales> = seen.collect();
+        findings.extend(scale::wrong_time(recording, &mut seen));
+        for (joint, seen) in recording.joints.iter().zip(&seen) {
+            let of_robot = of_robot(joint);
+            findings.extend(scale::check(recording, joint, of_robot, seen));
+            findings.extend(motion::check(recording, joint, seen));
             if let (Some(robot), Some(of_robot)) = (robot, of_robot) {
-                findings.extend(robot::check_joint(robot, of_robot, joint, &seen));
+                findings.extend(robot::check_joint(robot, of_robot, joint, seen));
             }
         }
     }

@@ -3,6 +3,7 @@
 use super::meaning::{DEGREES, MEASURED, Meaning, TRACKED};
 use super::robot::has_its_step;
 use super::{CheckJoint, Finding, FindingKind, mapping_line, ratio, torque, values};
+use crate::info::timing;
 use crate::statistics::line;
 use crate::{JointColumns, Recording, Signal};
 use std::ops::Range;
@@ -39,6 +40,8 @@ pub(super) struct Scales {
     positions: Vec<Wrong>,
     /// Against their own positions.
     velocities: Vec<Wrong>,
+    /// Whether one agrees with its own position.
+    has_right_velocity: bool,
     torques: Vec<Wrong>,
 }
 
@@ -101,9 +104,15 @@ impl Scales {
             followed,
             positions,
             velocities: Vec::new(),
+            has_right_velocity: false,
             torques: Vec::new(),
         };
-        scales.velocities = scales.wrong_velocities(recording, joint);
+        let velocities = scales.compared_velocities(recording, joint);
+        let (wrong, right): (Vec<_>, Vec<_>) = velocities
+            .into_iter()
+            .partition(|compared| is_off(compared.measured));
+        scales.velocities = wrong;
+        scales.has_right_velocity = !right.is_empty();
         scales.torques = torque::wrong(recording, joint, robot, &scales);
         scales
     }
@@ -124,13 +133,14 @@ impl Scales {
             .chain(&self.torques)
     }
 
-    fn wrong_velocities(&self, recording: &Recording, joint: &JointColumns) -> Vec<Wrong> {
+    /// All that can be held against their own positions, right or wrong.
+    fn compared_velocities(&self, recording: &Recording, joint: &JointColumns) -> Vec<Wrong> {
         let pairs = [
             (Signal::MotorVelocityRadS, Signal::MotorPositionRad),
             (Signal::LinkVelocityRadS, Signal::LinkPositionRad),
             (Signal::ReferenceVelocityRadS, Signal::ReferencePositionRad),
         ];
-        let wrong = |(velocity, position): (Signal, Signal)| {
+        let compared = |(velocity, position): (Signal, Signal)| {
             let (moved, integrated) = moves_and_integrals(
                 recording,
                 values(joint, position)?,
@@ -145,14 +155,14 @@ impl Scales {
                 .map(|wrong| wrong.meaning.factor)
                 .product();
             let measured = slope(&moved, &integrated, SAME)? * unit;
-            is_off(measured).then(|| Wrong {
+            Some(Wrong {
                 signal: velocity,
                 against: position,
                 measured,
                 meaning: Meaning::of(measured, self.gear_ratio, MEASURED),
             })
         };
-        pairs.into_iter().filter_map(wrong).collect()
+        pairs.into_iter().filter_map(compared).collect()
     }
 }
 
@@ -302,6 +312,43 @@ fn moves_and_integrals(
             (position[rows.end - 1] - position[rows.start], integral)
         })
         .unzip()
+}
+
+/// A time that runs wrong: what shows it is one factor, and no unit's, by which the velocities of two joints or more are off, and
+/// every velocity that moves. These are then right.
+pub(super) fn wrong_time(recording: &Recording, joints: &mut [Scales]) -> Option<Finding> {
+    let velocities = || joints.iter().flat_map(|seen| &seen.velocities);
+    let count = velocities().count() as f64;
+    let sum: f64 = velocities().map(|wrong| wrong.measured.ln()).sum();
+    let factor = (sum / count).exp();
+    let is_of_time = |wrong: &Wrong| {
+        wrong.meaning.kind == FindingKind::WrongScale
+            && (wrong.measured / factor - 1.0).abs() < MEASURED
+    };
+    let with_velocity = joints.iter().filter(|seen| !seen.velocities.is_empty());
+    let with_velocity = with_velocity.count();
+    if with_velocity < 2
+        || joints.iter().any(|seen| seen.has_right_velocity)
+        || !velocities().all(is_of_time)
+    {
+        return None;
+    }
+    for seen in joints {
+        seen.velocities.clear();
+    }
+    let told_hz = timing(recording).measured_rate_hz;
+    let told_hz = told_hz.unwrap_or(recording.sample_rate_hz);
+    let rate_hz = told_hz * factor;
+    let what = format!(
+        "all {with_velocity} joints' velocities are {factor:.4} times what their positions say, and that is no unit: the time is \
+         wrong, with about {rate_hz:.1} rows a second and not {told_hz:.1}"
+    );
+    let finding = Finding::error(FindingKind::RateOff, what).decided_by(rate_hz);
+    Some(finding.remedy(format!(
+        "in the mapping file, set `sample_rate_hz` to {rate_hz:.1} and multiply the scale of `time_s`, if there is one, by {0:.4e}; \
+         or, if the time is right, multiply the scale of every velocity by {0:.4e}",
+        1.0 / factor
+    )))
 }
 
 /// What the factors mean.

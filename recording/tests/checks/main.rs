@@ -302,6 +302,49 @@ fn positions_beyond_the_limits_are_told_with_them() {
 }
 
 #[test]
+fn a_factor_of_all_velocities_that_is_no_unit_is_of_the_time() {
+    let of_velocities = |recording: &Recording| {
+        let mut found = check(recording, Some(&robot()));
+        found.retain(|finding| finding.severity == Severity::Error);
+        found
+    };
+    let mut recording = whole();
+    recording.sample_rate_hz = RATE_HZ / 3.0;
+    recording
+        .time_s
+        .iter_mut()
+        .for_each(|time_s| *time_s *= 3.0);
+    let found = of_velocities(&recording);
+    assert_eq!(found.len(), 1, "{found:#?}");
+    assert_eq!(found[0].kind, FindingKind::RateOff);
+    assert_eq!((&found[0].joint, found[0].signal), (&None, None));
+    assert!((found[0].value.unwrap() / RATE_HZ - 1.0).abs() < 0.01);
+    assert!(
+        found[0].remedy.contains("`sample_rate_hz` to 500.0"),
+        "{}",
+        found[0]
+    );
+    assert!(found[0].remedy.contains("by 3.33"), "{}", found[0]);
+
+    // one joint alone may be off by any factor
+    let mut alone = recording.clone();
+    alone.joints.truncate(1);
+    let found = of_velocities(&alone);
+    assert!(found.len() == 3 && found.iter().all(|f| f.kind == FindingKind::WrongScale));
+    // a velocity that is right has the right time
+    scale(&mut recording, 1, Signal::MotorVelocityRadS, 1.0 / 3.0);
+    let found = of_velocities(&recording);
+    assert!(found.len() == 8 && found.iter().all(|f| f.kind == FindingKind::WrongScale));
+    // and so has a unit
+    let mut recording = whole();
+    for joint in 0..JOINTS.len() {
+        scale(&mut recording, joint, Signal::LinkVelocityRadS, DEGREES);
+    }
+    let found = of_velocities(&recording);
+    assert!(found.len() == 3 && found.iter().all(|f| f.kind == FindingKind::WrongUnit));
+}
+
+#[test]
 fn time_that_is_not_regular_is_described() {
     let mut recording = whole();
     recording
