@@ -152,7 +152,7 @@ pub fn summary(report: &Report, beside: &str, out: Option<&Path>) -> String {
         "shrink",
     ]);
     for joint in page::largest_first(report) {
-        rows.add_row(row(joint));
+        rows.add_row(row(report, joint));
     }
     let _ = writeln!(text, "{rows}");
     text += beside;
@@ -191,8 +191,8 @@ fn told_once(findings: &[DataFinding]) -> Vec<(&DataFinding, Vec<&str>)> {
     all
 }
 
-fn row(joint: &JointReport) -> [String; 7] {
-    let mut effects = page::with_shares(joint);
+fn row(report: &Report, joint: &JointReport) -> [String; 7] {
+    let mut effects = page::with_shares(report, joint);
     let minor: Vec<&str> = joint
         .minor_effects
         .iter()

@@ -3,8 +3,8 @@
 use gap_diagnosis::report::{JointReport, NamedEffect, Report};
 use report::{Axis, Column, Figure, Panel, Section, Series, Table, number};
 
-use super::with_gap;
 use super::words::{percent, with_value, words};
+use super::{of_shared, with_gap};
 
 /// Candidates that a joint's line holds.
 const CANDIDATES_MAX: usize = 4;
@@ -49,10 +49,9 @@ fn parts(report: &Report, joint: &JointReport) -> Vec<(String, f64, [f64; 2])> {
             [found.share_low, found.share_high],
         )
     };
-    let shared = report.shared_effects.iter().filter_map(|shared| {
-        let here = shared.joint_shares.get(&joint.joint)?;
+    let shared = of_shared(report, joint).map(|(shared, here)| {
         let ends = [here.share_low, here.share_high];
-        Some((with_value(&shared.effect), here.share, ends))
+        (with_value(&shared.effect), here.share, ends)
     });
     let mut parts: Vec<_> = joint.effects.iter().map(of_effect).chain(shared).collect();
     let minor: f64 = joint.minor_effects.iter().map(|found| found.share).sum();

@@ -6,8 +6,8 @@ mod remains;
 mod traces;
 pub mod words;
 
-use gap_diagnosis::Diagnosis;
-use gap_diagnosis::report::{JointReport, Report, Verdict};
+use gap_diagnosis::report::{JointReport, JointShare, Report, SharedEffect, Verdict};
+use gap_diagnosis::{Diagnosis, Options};
 use report::{
     Axis, Cell, Chain, Column, Figure, Node, Page, Panel, Section, Series, Table, number,
 };
@@ -104,7 +104,7 @@ fn arm(robot: &Robot, report: &Report) -> Section {
         table.row([
             joint.joint.clone().into(),
             Cell::strong(verdict_in_words(joint.verdict)),
-            with_shares(joint).join(", ").into(),
+            with_shares(report, joint).join(", ").into(),
             told(percent(joint.remaining_share)).into(),
             told(number(torque.before, 3)).into(),
             told(number(torque.after, 3)).into(),
@@ -119,9 +119,22 @@ fn arm(robot: &Robot, report: &Report) -> Section {
 }
 
 /// A joint's effects, each with its share.
-pub fn with_shares(joint: &JointReport) -> Vec<String> {
-    let told = |found| format!("{} ({} %)", with_value(found), percent(found.share));
-    joint.effects.iter().map(told).collect()
+pub fn with_shares(report: &Report, joint: &JointReport) -> Vec<String> {
+    let told = |(found, share)| format!("{} ({} %)", with_value(found), percent(share));
+    let shared = of_shared(report, joint);
+    let own = joint.effects.iter().map(|found| (found, found.share));
+    let all = shared.map(|(found, share)| (&found.effect, share.share));
+    let material = all.filter(|(_, share)| *share >= Options::default().materiality);
+    material.chain(own).map(told).collect()
+}
+
+/// Causes that the arm shares, with what each takes of a joint's gap.
+pub fn of_shared<'a>(
+    report: &'a Report,
+    joint: &JointReport,
+) -> impl Iterator<Item = (&'a SharedEffect, JointShare)> {
+    let all = report.shared_effects.iter();
+    all.filter_map(|shared| Some((shared, *shared.joint_shares.get(&joint.joint)?)))
 }
 
 /// The arm at zero, seen from the side on which it is widest.

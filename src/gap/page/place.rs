@@ -6,8 +6,8 @@ use gap_diagnosis::report::{JointReport, Regime, Report};
 use report::{Axis, Column, Figure, HeatMap, Panel, Section, Series, Table, number};
 use robot::Stage;
 
-use super::with_gap;
 use super::words::{percent, signal_axis};
+use super::{of_shared, with_gap};
 
 const STAGES: [(Stage, &str); 5] = [
     (Stage::Actuator, "actuator"),
@@ -83,10 +83,7 @@ fn shares(report: &Report, joint: &JointReport) -> BTreeMap<Stage, f64> {
         .effects
         .iter()
         .map(|found| (&found.effect, found.share));
-    let shared = report.shared_effects.iter().filter_map(|shared| {
-        let of_joint = shared.joint_shares.get(&joint.joint)?;
-        Some((&shared.effect.effect, of_joint.share))
-    });
+    let shared = of_shared(report, joint).map(|(shared, here)| (&shared.effect.effect, here.share));
     let mut shares = BTreeMap::new();
     for (effect, share) in own.chain(shared) {
         if let Some(stage) = Stage::of(effect) {

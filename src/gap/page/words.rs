@@ -5,7 +5,7 @@ use gap_diagnosis::report::{
 };
 use report::number;
 
-use super::{gap_to_noise, largest_first, with_gap};
+use super::{gap_to_noise, largest_first, of_shared, with_gap};
 
 /// The verdict on the whole robot.
 pub fn sentence(report: &Report) -> String {
@@ -58,15 +58,12 @@ fn arm_sentence(report: &Report, flagged: &[&JointReport]) -> String {
     let Some(largest) = largest_first(report).into_iter().next() else {
         return String::new();
     };
-    let most = largest.effects.first().map_or_else(
+    let shared = of_shared(report, largest).map(|(shared, here)| (&shared.effect, here.share));
+    let own = largest.effects.iter().map(|found| (found, found.share));
+    let most = own.chain(shared).max_by(|a, b| a.1.total_cmp(&b.1));
+    let most = most.map_or_else(
         || "for which no effect on the list accounts".to_owned(),
-        |found| {
-            format!(
-                "of which {} is {} %",
-                with_value(found),
-                percent(found.share)
-            )
-        },
+        |(found, share)| format!("of which {} is {} %", with_value(found), percent(share)),
     );
     let rms_nm = |of: fn(&BeforeAfter) -> f64| {
         let squares = flagged
@@ -173,13 +170,15 @@ pub fn with_value(found: &NamedEffect) -> String {
     format!("{name} {value} {unit}").trim_end().to_owned()
 }
 
-/// The number that says how large an effect is: of two that belong together their length, else the first that is no place.
+/// The number that says how large an effect is: of two that belong together their length, of a tilt how far the base leans, else the first
+/// that is no place.
 fn size(found: &NamedEffect) -> Option<(f64, &'static str)> {
     let value = |name: &str| found.parameters.get(name).map(|found| found.value);
-    for [one, other] in [["sin_nm", "cos_nm"], ["roll_rad", "pitch_rad"]] {
-        if let (Some(a), Some(b)) = (value(one), value(other)) {
-            return Some((a.hypot(b), unit(one)));
-        }
+    if let (Some(sine), Some(cosine)) = (value("sin_nm"), value("cos_nm")) {
+        return Some((sine.hypot(cosine), unit("sin_nm")));
+    }
+    if let (Some(roll), Some(pitch)) = (value("roll_rad"), value("pitch_rad")) {
+        return Some(((roll.cos() * pitch.cos()).acos(), unit("roll_rad")));
     }
     let is_place = |name: &str| name.starts_with("centre_m") || name == "rest_rad";
     let mut sizes = found.parameters.iter();
