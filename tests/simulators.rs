@@ -160,6 +160,29 @@ fn effects_are_written_where_a_simulator_reads_them_and_the_rest_is_told_with_it
 }
 
 #[test]
+fn a_robot_file_that_leaves_the_joints_to_its_description_gets_their_tables() {
+    let bench = bench("no_tables");
+    report(&bench, &[("coulomb_friction", "coulomb_nm", 3.0, 0.9)], 0.1);
+    let own = "# on its side\nname = \"arm\"\nurdf = \"arm.urdf\"\ngravity_m_s2 = [9.81, 0.0, 0.0]   # as mounted\n";
+    fs::write(bench.file("side.toml"), own).unwrap();
+    let apply = "gap apply --report report.json --robot side.toml --out new.toml";
+    works(&bench, apply);
+    let new = fs::read_to_string(bench.file("new.toml")).unwrap();
+    assert!(new.starts_with(own), "{new}");
+    let load = |name: &str| robot::load(bench.file(name).to_str().unwrap()).unwrap();
+    let (before, after) = (load("side.toml"), load("new.toml"));
+    assert_eq!(after.chain.gravity_m_s2(), before.chain.gravity_m_s2());
+    let coulomb = robot::Effect::CoulombFriction { coulomb_nm: 3.0 };
+    for (joint, as_it_was) in after.joints.iter().zip(&before.joints) {
+        let mut expected = as_it_was.clone();
+        if joint.name == "shoulder" {
+            expected.effects.push(coulomb);
+        }
+        assert_eq!(*joint, expected);
+    }
+}
+
+#[test]
 fn what_cannot_be_applied_is_one_line() {
     let bench = bench("refuse");
     let apply = "gap apply --report report.json --robot arm.xml --out new.xml --format";

@@ -113,10 +113,13 @@ pub fn mended(
 ) -> Result<Mended, CliError> {
     let file = RobotFile::parse(robot.text, robot.name).map_err(CliError::input)?;
     check_name([report_name, robot.name], &report, &file.name)?;
-    let built = file.build(robot.source.clone()).map_err(CliError::input)?;
+    let built = file.clone().build(robot.source.clone());
+    let built = built.map_err(CliError::input)?;
     put_payloads_on_last_link(&mut report, &built);
-    let refuse = |reason: String| CliError::Input(format!("{report_name}: {reason}"));
-    let (text, changes) = with_effects(robot.text, &report).map_err(refuse)?;
+    let refuse =
+        |reason: String| CliError::Input(format!("{report_name} with {}: {reason}", robot.name));
+    let text = with_joint_tables(robot.text, file, &built).map_err(refuse)?;
+    let (text, changes) = with_effects(&text, &report).map_err(refuse)?;
     let mut mended = Mended {
         text,
         changes,
@@ -260,6 +263,31 @@ fn with_description(text: String, source: &Source, out: &Path) -> Result<String,
         .map_err(|error| CliError::Input(format!("{}: {key} {name}: {error}", from.display())))?;
     document[key] = toml_edit::value(whole.display().to_string());
     Ok(document.to_string())
+}
+
+/// The text of a robot file with a table for each joint, where it has none because its description says them all: effects go into
+/// tables. The file's own text stays as it was.
+///
+/// # Errors
+/// Why they cannot be written.
+pub fn with_joint_tables(text: &str, file: RobotFile, built: &Robot) -> Result<String, String> {
+    if !file.joints.is_empty() {
+        return Ok(text.to_owned());
+    }
+    let whole = RobotFile {
+        joints: built.joints.clone(),
+        ..file
+    };
+    let whole = whole.to_toml().map_err(|error| error.to_string())?;
+    let mut whole: DocumentMut = whole
+        .parse()
+        .map_err(|error| format!("robot file: {error}"))?;
+    whole.retain(|key, _| key == "joint");
+    Ok(format!(
+        "{}\n\n{}",
+        text.trim_end(),
+        whole.to_string().trim_start()
+    ))
 }
 
 /// The text of a robot file with a report's effects in it, and what was changed.

@@ -10,7 +10,7 @@ use serde::Serialize;
 use services::tracking::TrackingReport;
 use twin::Robots;
 
-use super::apply::with_effects;
+use super::apply::{with_effects, with_joint_tables};
 use super::emulated::Course;
 use crate::cli::GapRoundArguments;
 use crate::error::CliError;
@@ -53,7 +53,9 @@ struct Courses {
 /// [`CliError::Input`] for bad input, [`CliError::Negative`] if a loop stopped for safety.
 pub fn round(arguments: &GapRoundArguments) -> Result<(), CliError> {
     let (text, source) = robot::load_text(&arguments.robot).map_err(CliError::input)?;
+    let file = RobotFile::parse(&text, &arguments.robot).map_err(CliError::input)?;
     let robot = build(&text, &arguments.robot, &source)?;
+    let text = with_joint_tables(&text, file, &robot).map_err(CliError::Input)?;
     let injections = robot::load_injection(&arguments.inject, &robot).map_err(CliError::input)?;
     let courses = Courses {
         diagnosed: course(arguments, &arguments.trajectory, &robot)?,
