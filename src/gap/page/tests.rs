@@ -109,8 +109,52 @@ fn the_page_says_verdict_values_and_next_steps_without_network_or_script() {
 #[test]
 fn a_joint_without_a_gap_or_without_traces_has_its_page_too() {
     assert!(html("no_gap", Vec::new()).contains("Simulation and robot agree"));
-    assert!(html("unexplained", Vec::new()).contains("no known effect accounts for"));
+    assert!(
+        html("unexplained", Vec::new())
+            .contains("most likely Coulomb friction (0.96), not surely enough to be named")
+    );
+    let mut unknown = report("unexplained");
+    unknown.joints[0].candidates.remove(0);
+    assert!(html_of(unknown, Vec::new()).contains("no known effect accounts for"));
     assert!(html("insufficient_data", Vec::new()).contains("supports no statement"));
+}
+
+#[test]
+fn the_largest_gap_of_an_arm_is_told_by_what_the_report_knows_of_it() {
+    let told = |verdict: &str, candidate: &str| {
+        let mut report = report(verdict);
+        report.joints[0].effects.clear();
+        report.joints[0].candidates[0].effect = candidate.to_owned();
+        let mut other = report.joints[0].clone();
+        other.joint = "joint2".to_owned();
+        report.joints.push(other);
+        super::words::sentence(&report)
+    };
+    for (verdict, candidate, expected) in [
+        (
+            "unexplained",
+            "torque_offset",
+            "most likely torque offset (0.96), not surely enough to be named; what is named",
+        ),
+        (
+            "unexplained",
+            "unknown",
+            "for which no effect on the list accounts; what is named",
+        ),
+        (
+            "explained",
+            "payload",
+            ", explained by what acts on several joints; what is named",
+        ),
+        (
+            "partly_explained",
+            "payload",
+            ", partly explained by what acts on several joints; what is named",
+        ),
+    ] {
+        let told = told(verdict, candidate);
+        assert!(told.contains(expected), "{told}");
+    }
 }
 
 #[test]

@@ -25,7 +25,7 @@ pub fn sentence(report: &Report) -> String {
         };
     }
     let own = match flagged.as_slice() {
-        [only] => joint_sentence(only),
+        [only] => joint_sentence(report, only),
         _ => arm_sentence(report, &flagged),
     };
     let largest = largest_first(report).into_iter().next();
@@ -62,7 +62,7 @@ fn arm_sentence(report: &Report, flagged: &[&JointReport]) -> String {
     let own = largest.effects.iter().map(|found| (found, found.share));
     let most = own.chain(shared).max_by(|a, b| a.1.total_cmp(&b.1));
     let most = most.map_or_else(
-        || "for which no effect on the list accounts".to_owned(),
+        || without_effects(report, largest),
         |(found, share)| format!("of which {} is {} %", with_value(found), percent(share)),
     );
     let rms_nm = |of: fn(&BeforeAfter) -> f64| {
@@ -82,7 +82,33 @@ fn arm_sentence(report: &Report, flagged: &[&JointReport]) -> String {
     )
 }
 
-fn joint_sentence(joint: &JointReport) -> String {
+/// What is said of a joint none of whose own effects is named.
+fn without_effects(report: &Report, joint: &JointReport) -> String {
+    match joint.verdict {
+        Verdict::Explained => "explained by what acts on several joints".to_owned(),
+        Verdict::PartlyExplained => "partly explained by what acts on several joints".to_owned(),
+        _ => likely(report, joint)
+            .unwrap_or_else(|| "for which no effect on the list accounts".to_owned()),
+    }
+}
+
+/// What a gap without a name most likely is, where the report holds an effect for that.
+fn likely(report: &Report, joint: &JointReport) -> Option<String> {
+    let first = joint.candidates.first()?;
+    let is_effect = !matches!(first.effect.as_str(), "none" | "unknown");
+    // what several joints share may be named while it takes little here
+    let mut shared = report.shared_effects.iter();
+    let is_named = shared.any(|shared| shared.effect.effect == first.effect);
+    (is_effect && !is_named).then(|| {
+        format!(
+            "most likely {} ({}), not surely enough to be named",
+            words(&first.effect),
+            number(first.probability, 2)
+        )
+    })
+}
+
+fn joint_sentence(report: &Report, joint: &JointReport) -> String {
     let effects: Vec<String> = joint.effects.iter().map(with_value).collect();
     let (are, take) = if effects.len() == 1 {
         ("is", "takes")
@@ -99,7 +125,7 @@ fn joint_sentence(joint: &JointReport) -> String {
     let takes = format!("{effects} {take} {} % of it", percent(taken));
     match joint.verdict {
         Verdict::Explained if effects.is_empty() => {
-            format!("{gap}, explained by what acts on several joints")
+            format!("{gap}, {}", without_effects(report, joint))
         }
         Verdict::Explained if taken >= ALL => format!("{gap}: {effects} {are} all of it"),
         Verdict::Explained => format!("{gap}: {takes}"),
@@ -107,6 +133,10 @@ fn joint_sentence(joint: &JointReport) -> String {
             let rest = rest_over(joint).map_or("has no name".to_owned(), |over| {
                 format!("depends on {over}")
             });
+            if effects.is_empty() {
+                let partly = without_effects(report, joint);
+                return format!("{gap}, {partly}; what remains {rest}");
+            }
             format!("{gap}: {takes}; what remains {rest}")
         }
         Verdict::Ambiguous => match joint.confusable.first() {
@@ -123,7 +153,10 @@ fn joint_sentence(joint: &JointReport) -> String {
             });
             let rest =
                 rest_over(joint).map_or(String::new(), |over| format!("; it depends on {over}"));
-            format!("{gap}{ratio} that no known effect accounts for{rest}")
+            match likely(report, joint) {
+                Some(likely) => format!("{gap}{}, {likely}{rest}", ratio.trim_end_matches(',')),
+                None => format!("{gap}{ratio} that no known effect accounts for{rest}"),
+            }
         }
     }
 }
