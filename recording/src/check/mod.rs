@@ -180,6 +180,7 @@ pub fn check(recording: &Recording, robot: Option<&CheckRobot>) -> Vec<Finding> 
         findings.extend(support::check(joint));
     }
     if let Some(robot) = robot {
+        robot::one_velocity_limit(robot, &mut findings);
         findings.extend(robot::check_names(robot, recording));
     }
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));

@@ -135,13 +135,52 @@ fn positions(
     Some(finding.at(joint).of(signal).decided_by(farthest))
 }
 
+/// What tells how fast a joint goes, the joint side first.
+const VELOCITIES: [Signal; 3] = [
+    Signal::LinkVelocityRadS,
+    Signal::MotorVelocityRadS,
+    Signal::ReferenceVelocityRadS,
+];
+
+/// Tells once that joints go beyond a velocity limit which is the same for every joint: more often than not it was never set.
+pub(super) fn one_velocity_limit(robot: &CheckRobot, findings: &mut Vec<Finding>) {
+    let first = robot.joints.first().map(|joint| joint.velocity_limit_rad_s);
+    let is_first = |joint: &CheckJoint| Some(joint.velocity_limit_rad_s) == first;
+    let Some(limit) = first
+        .flatten()
+        .filter(|_| robot.joints.iter().all(is_first))
+    else {
+        return;
+    };
+    let is_beyond = |finding: &Finding| {
+        finding.kind == FindingKind::BeyondLimit
+            && finding.signal.is_some_and(|of| VELOCITIES.contains(&of))
+    };
+    let beyond = || findings.iter().filter(|finding| is_beyond(finding));
+    let joints: Vec<String> = beyond().filter_map(|found| found.joint.clone()).collect();
+    if joints.len() < 2 {
+        return;
+    }
+    let largest = beyond().filter_map(|found| found.value);
+    let largest = largest.fold(0.0, f64::max);
+    findings.retain(|finding| !is_beyond(finding));
+    let what = format!(
+        "up to {largest:.4} rad/s at {} joints ({}), the limit of every joint in the robot file is {limit:.4}",
+        joints.len(),
+        list(&joints)
+    );
+    let finding = Finding::warning(FindingKind::BeyondLimit, what).decided_by(largest);
+    findings.push(finding.remedy(
+        "correct the limits in the robot file if they were never set; else check the velocities' unit and side of the gear",
+    ));
+}
+
 fn velocities(of_robot: &CheckJoint, joint: &JointColumns, seen: &Scales) -> Option<Finding> {
     let limit = of_robot.velocity_limit_rad_s?;
-    let candidates = [
-        (Signal::LinkVelocityRadS, 1.0),
-        (Signal::MotorVelocityRadS, of_robot.gear_ratio),
-        (Signal::ReferenceVelocityRadS, 1.0),
-    ];
+    let candidates = VELOCITIES.map(|signal| match signal {
+        Signal::MotorVelocityRadS => (signal, of_robot.gear_ratio),
+        _ => (signal, 1.0),
+    });
     let (signal, [from, to]) = candidates.into_iter().find_map(|(signal, side)| {
         Some((
             signal,

@@ -302,6 +302,22 @@ fn positions_beyond_the_limits_are_told_with_them() {
 }
 
 #[test]
+fn one_velocity_limit_of_all_joints_is_told_once() {
+    let mut robot = robot();
+    for joint in &mut robot.joints {
+        joint.velocity_limit_rad_s = Some(0.1);
+    }
+    let finding = only(&whole(), Some(&robot));
+    assert_eq!(finding.kind, FindingKind::BeyondLimit);
+    assert_eq!((&finding.joint, finding.signal), (&None, None));
+    assert!(finding.what.contains("at 3 joints ("), "{finding}");
+    // limits of their own are told of each
+    robot.joints[1].velocity_limit_rad_s = Some(0.11);
+    let each = serious(check(&whole(), Some(&robot)));
+    assert!(each.len() == 3 && each.iter().all(|found| found.joint.is_some()));
+}
+
+#[test]
 fn a_factor_of_all_velocities_that_is_no_unit_is_of_the_time() {
     let of_velocities = |recording: &Recording| {
         let mut found = check(recording, Some(&robot()));
