@@ -72,6 +72,20 @@ impl Frames {
     pub fn new(link: Box<dyn Link>, slaves: &[Slave], has_clock: bool) -> Result<Self, String> {
         /// Longest payload of an Ethernet frame, less EtherCAT's header.
         const ROOM: usize = 1498;
+        let too_long = |bytes: usize| {
+            format!(
+                "the process data of {} slaves take {bytes} bytes a frame, {ROOM} are the most; map less",
+                slaves.len()
+            )
+        };
+        // what a slave says of its own data may be anything
+        let lengths = slaves
+            .iter()
+            .flat_map(|slave| [slave.inputs.1, slave.outputs.1]);
+        let largest = lengths.max().unwrap_or(0);
+        if largest > ROOM {
+            return Err(too_long(largest));
+        }
         let zeros = vec![0; FRAME_MAX];
         let at = |station: u16, register: u16| {
             let ([a, b], [c, d]) = (station.to_le_bytes(), register.to_le_bytes());
@@ -106,10 +120,7 @@ impl Frames {
         };
         let longest = length(&read).max(length(&written));
         if longest > ROOM {
-            return Err(format!(
-                "the process data of {} slaves take {longest} bytes a frame, {ROOM} are the most; map less",
-                slaves.len()
-            ));
+            return Err(too_long(longest));
         }
         Ok(Self {
             link,
