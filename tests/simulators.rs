@@ -183,6 +183,39 @@ fn a_robot_file_that_leaves_the_joints_to_its_description_gets_their_tables() {
 }
 
 #[test]
+fn what_a_joints_table_leaves_to_the_description_stays_with_it() {
+    let bench = bench("own_tables");
+    report(
+        &bench,
+        &[("viscous_friction", "viscous_nm_s_rad", 0.3, 0.9)],
+        0.1,
+    );
+    let own = "name = \"arm\"\nurdf = \"arm.urdf\"\n\n[[joint]]\nname = \"shoulder\"\nmotor_encoder_resolution_rad = 1e-4\n";
+    fs::write(bench.file("own.toml"), own).unwrap();
+    let damped = URDF.replace("<limit", "<dynamics damping=\"0.5\"/><limit");
+    fs::write(bench.file("arm.urdf"), damped).unwrap();
+    works(
+        &bench,
+        "gap apply --report report.json --robot own.toml --out new.toml",
+    );
+    works(
+        &bench,
+        "gap apply --report report.json --robot arm.urdf --out bare.toml",
+    );
+    let viscous = |name: &str| {
+        let robot = robot::load(bench.file(name).to_str().unwrap()).unwrap();
+        let shoulder = robot.joints.iter().find(|joint| joint.name == "shoulder");
+        let mut effects = shoulder.unwrap().effects.iter();
+        effects.find_map(|effect| match effect {
+            robot::Effect::ViscousFriction { viscous_nm_s_rad } => Some(*viscous_nm_s_rad),
+            _ => None,
+        })
+    };
+    assert!(viscous("own.toml").is_some_and(|before| before > 0.0));
+    assert_eq!(viscous("new.toml"), viscous("bare.toml"));
+}
+
+#[test]
 fn what_cannot_be_applied_is_one_line() {
     let bench = bench("refuse");
     let apply = "gap apply --report report.json --robot arm.xml --out new.xml --format";

@@ -265,14 +265,15 @@ fn with_description(text: String, source: &Source, out: &Path) -> Result<String,
     Ok(document.to_string())
 }
 
-/// The text of a robot file with a table for each joint, where it has none because its description says them all: effects go into
-/// tables. The file's own text stays as it was.
+/// The text of a robot file with what its description alone says of joints: a table for each joint, where it has none, else rotor and
+/// effects that a joint's table leaves to the description. Effects go into tables, and what a table has the description says no more.
+/// The file's own text stays as it was.
 ///
 /// # Errors
 /// Why they cannot be written.
 pub fn with_joint_tables(text: &str, file: RobotFile, built: &Robot) -> Result<String, String> {
     if !file.joints.is_empty() {
-        return Ok(text.to_owned());
+        return with_described(text, built);
     }
     let whole = RobotFile {
         joints: built.joints.clone(),
@@ -288,6 +289,33 @@ pub fn with_joint_tables(text: &str, file: RobotFile, built: &Robot) -> Result<S
         text.trim_end(),
         whole.to_string().trim_start()
     ))
+}
+
+fn with_described(text: &str, built: &Robot) -> Result<String, String> {
+    let mut document: DocumentMut = text
+        .parse()
+        .map_err(|error| format!("robot file: {error}"))?;
+    for joint in &built.joints {
+        // of a joint without a table nothing is told
+        let Ok(table) = joint_table(&mut document, &joint.name) else {
+            continue;
+        };
+        let inertia_kg_m2 = joint.rotor_inertia_kg_m2;
+        if inertia_kg_m2 != 0.0 && !table.contains_key("rotor_inertia_kg_m2") {
+            add_to_number(table, "rotor_inertia_kg_m2", inertia_kg_m2);
+        }
+        for effect in &joint.effects {
+            let name = Some(effect.name());
+            let is_there = table.get_mut("effects").is_some_and(|list| {
+                let mut kinds = entries(list).into_iter();
+                kinds.any(|entry| entry.get("effect").and_then(Item::as_str) == name)
+            });
+            if !is_there {
+                add_to_list(table, "effects", effect)?;
+            }
+        }
+    }
+    Ok(document.to_string())
 }
 
 /// The text of a robot file with a report's effects in it, and what was changed.
