@@ -314,8 +314,12 @@ fn moves_and_integrals(
         .unzip()
 }
 
+/// Part of a row's time by which rows that were counted are apart from it at most: what rounding to a microsecond does at 1 kHz.
+const COUNTED: f64 = 1e-3;
+
 /// A time that runs wrong: what shows it is one factor, and no unit's, by which the velocities of two joints or more are off, and
-/// every velocity that moves. These are then right.
+/// every velocity that moves. These are then right. A clock that was read is believed: its rows are never as far apart as rows that
+/// were counted.
 pub(super) fn wrong_time(recording: &Recording, joints: &mut [Scales]) -> Option<Finding> {
     let velocities = || joints.iter().flat_map(|seen| &seen.velocities);
     let count = velocities().count() as f64;
@@ -333,11 +337,14 @@ pub(super) fn wrong_time(recording: &Recording, joints: &mut [Scales]) -> Option
     {
         return None;
     }
+    let timing = timing(recording);
+    let told_hz = timing.measured_rate_hz.unwrap_or(recording.sample_rate_hz);
+    if timing.jitter_max_s * told_hz > COUNTED {
+        return None;
+    }
     for seen in joints {
         seen.velocities.clear();
     }
-    let told_hz = timing(recording).measured_rate_hz;
-    let told_hz = told_hz.unwrap_or(recording.sample_rate_hz);
     let rate_hz = told_hz * factor;
     let what = format!(
         "all {with_velocity} joints' velocities are {factor:.4} times what their positions say, and that is no unit: the time is \

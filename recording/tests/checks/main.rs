@@ -342,6 +342,14 @@ fn a_factor_of_all_velocities_that_is_no_unit_is_of_the_time() {
     );
     assert!(found[0].remedy.contains("by 3.33"), "{}", found[0]);
 
+    // a clock that was read is believed
+    let mut read = recording.clone();
+    for row in 1..ROWS {
+        read.time_s[row] += 0.1e-3 * noise(row, 5);
+    }
+    let found = of_velocities(&read);
+    assert!(found.len() > 1 && found.iter().all(|f| f.kind == FindingKind::WrongScale));
+
     // one joint alone may be off by any factor
     let mut alone = recording.clone();
     alone.joints.truncate(1);
