@@ -49,10 +49,8 @@ pub(crate) fn check(robot: &Robot, recording: &Recording) -> Option<Finding> {
         each.into_iter().filter_map(move |(columns, after)| {
             let after = after?;
             let gain = gain(before, &after)?;
-            // an arm whose torques the file's masses do not carry may fit less badly by chance: exchanged, the masses
-            // carry one of the torques, and some of the other
-            let [one, other] = pair.map(|joint| after[joint]);
-            let is_right = one.min(other) < OWN && one.max(other) < 1.0;
+            // an arm whose torques the file's masses do not carry, on its side for one, may fit less badly by chance
+            let is_right = pair.iter().all(|joint| after[*joint] < OWN);
             is_right.then_some(Exchange {
                 pair,
                 columns,
