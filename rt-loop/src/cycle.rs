@@ -17,7 +17,7 @@ use crate::joint_motion::JointMotions;
 use crate::limits::JointLimits;
 use crate::motion_clock::MotionClock;
 use crate::reference_watch::ReferenceWatch;
-use crate::sending::Sending;
+use crate::sending::{Sending, asked_mode};
 use crate::state_machine::{Event, next};
 
 /// What does not change during a run.
@@ -285,10 +285,12 @@ impl CycleState {
             (Err(fault), _) if fault.is_latched() => (Event::Stop, Some(Fault::Drive(fault))),
             (Err(fault), _) => (missing(Event::SampleMissing), Some(Fault::Drive(fault))),
             (Ok(_), None) => (missing(Event::CommandMissing), Some(Fault::CommandMissing)),
-            (Ok(sample), Some(_)) => match self.not_enabled(config, &sample.drives) {
-                Some(event) => (event, None),
-                None => self.answered(config, sample),
-            },
+            (Ok(sample), Some(command)) => {
+                match self.not_enabled(config, &sample.drives, command) {
+                    Some(event) => (event, None),
+                    None => self.answered(config, sample),
+                }
+            }
         }
     }
 
@@ -367,7 +369,12 @@ impl CycleState {
     }
 
     /// What has to be waited for before drives that tell their state obey a command.
-    fn not_enabled(&self, config: &CycleConfig, drives: &DriveReport) -> Option<Event> {
+    fn not_enabled(
+        &self,
+        config: &CycleConfig,
+        drives: &DriveReport,
+        command: &Command,
+    ) -> Option<Event> {
         let any = |wanted: fn(DriveState) -> bool| drives.find(config.joint_count(), wanted);
         if any(|state| state == DriveState::NotReady).is_some() {
             return Some(Event::DrivesNotReady);
@@ -377,7 +384,7 @@ impl CycleState {
             return None;
         }
         let told = any(|state| state != DriveState::Unknown).is_some();
-        let wait = any(is_off).is_some() || (told && self.sending.may_show_older());
+        let wait = any(is_off).is_some() || (told && !self.sending.must_show(asked_mode(command)));
         wait.then_some(Event::DrivesNotEnabled)
     }
 

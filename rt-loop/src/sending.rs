@@ -9,6 +9,14 @@ use crate::limits::{JointMotion, allowed_torques_nm, allowed_velocities_rad_s};
 /// A sample shows what the drives made of a command at most this many cycles after it was sent.
 const DRIVE_ANSWER_CYCLES: u64 = 3;
 
+/// What the drives are sent while they obey `command`.
+pub fn asked_mode(command: &Command) -> DriveMode {
+    match DriveMode::from_raw(command.mode) {
+        Some(DriveMode::Velocity) => DriveMode::Velocity,
+        _ => DriveMode::Torque,
+    }
+}
+
 /// What was sent last.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sending {
@@ -22,8 +30,8 @@ pub struct Sending {
     held_mode: DriveMode,
     /// Cycles in a row in which the drives were sent a torque or a velocity.
     moving_cycles: u64,
-    /// Cycles since the brakes were last told to close.
-    unbraked_cycles: u64,
+    /// Cycles in a row with this mode, since the brakes were last told to close.
+    same_mode_cycles: u64,
 }
 
 impl Default for Sending {
@@ -34,7 +42,7 @@ impl Default for Sending {
             velocity_rad_s: [0.0; JOINTS_MAX],
             held_mode: DriveMode::Torque,
             moving_cycles: 0,
-            unbraked_cycles: 0,
+            same_mode_cycles: 0,
         }
     }
 }
@@ -45,15 +53,16 @@ impl Sending {
         self.moving_cycles > DRIVE_ANSWER_CYCLES
     }
 
-    /// Whether samples can still show the drives as they were before their brakes were told to close.
-    pub fn may_show_older(&self) -> bool {
-        self.unbraked_cycles <= DRIVE_ANSWER_CYCLES
+    /// Whether the drives have been sent `mode` for so long that their samples must show it. Until then a sample can show them
+    /// as they were, and a drive that takes another mode shows the old one for a while.
+    pub fn must_show(&self, mode: DriveMode) -> bool {
+        self.mode == mode && self.same_mode_cycles > DRIVE_ANSWER_CYCLES
     }
 
-    /// Cycles since the brakes were last told to close.
+    /// Cycles in a row with the same mode.
     #[cfg(test)]
-    pub fn unbraked_cycles(&self) -> u64 {
-        self.unbraked_cycles
+    pub fn same_mode_cycles(&self) -> u64 {
+        self.same_mode_cycles
     }
 
     /// Cycles in a row in which the drives were sent a torque or a velocity.
@@ -74,7 +83,7 @@ impl Sending {
         motions: &[JointMotion; JOINTS_MAX],
         command: &Command,
     ) -> u64 {
-        if DriveMode::from_raw(command.mode) == Some(DriveMode::Velocity) {
+        if asked_mode(command) == DriveMode::Velocity {
             self.held_mode = DriveMode::Velocity;
             self.send_velocity(config, motions, &command.joint_velocity_rad_s)
         } else {
@@ -159,8 +168,11 @@ impl Sending {
     }
 
     fn enter(&mut self, mode: DriveMode) {
+        self.same_mode_cycles = match mode == self.mode {
+            true => self.same_mode_cycles + 1,
+            false => 1,
+        };
         self.mode = mode;
-        self.unbraked_cycles += 1;
         self.moving_cycles = match mode.obeys() {
             true => self.moving_cycles + 1,
             false => 0,

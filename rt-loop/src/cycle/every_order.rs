@@ -45,7 +45,7 @@ struct Place {
     acknowledged: u32,
     mode: u32,
     /// Until samples must show what was sent.
-    unbraked: u64,
+    same_mode: u64,
     enabling: u64,
     resetting: u64,
     pressed: bool,
@@ -97,7 +97,7 @@ fn place(config: &CycleConfig, state: &CycleState) -> Place {
             _ => 3,
         },
         mode: state.sending.mode as u32,
-        unbraked: state.sending.unbraked_cycles().min(4),
+        same_mode: state.sending.same_mode_cycles().min(4),
         enabling: state.enabling_left,
         resetting: state.resetting_cycles,
         pressed: state.emergency_stop_pressed,

@@ -628,13 +628,55 @@ fn a_drive_that_drops_out_while_it_should_obey_stops_the_run() {
     let mut state = CycleState::default();
     moving(&mut state);
     let mut seen = Vec::new();
-    for (cycle, second) in (20..).zip([QuickStop, QuickStop, QuickStop, Enabled]) {
+    let walk = [QuickStop, QuickStop, QuickStop, Enabled, Enabled, Enabled];
+    for (cycle, second) in (20..).zip(walk) {
         let sample = told([Enabled, second]);
         run(&mut state, cycle, Ok(&sample), Some(&command(1.0)));
         seen.push(state.state);
     }
     use LoopState::{Damping, Enabling, Running};
-    assert_eq!(seen, [Damping, Enabling, Enabling, Running]);
+    let waits = [Enabling; 4];
+    assert_eq!(seen, [&[Damping][..], &waits, &[Running]].concat());
+}
+
+#[test]
+fn drives_that_damped_by_themselves_get_their_time_to_take_torque_again() {
+    use DriveState::{Enabled, Enabling};
+    let mut state = CycleState::default();
+    for cycle in 0..20 {
+        run(
+            &mut state,
+            cycle,
+            Ok(&told([Enabled; 2])),
+            Some(&command(1.0)),
+        );
+    }
+    // Held for three cycles, then damped by the drives: without a sample the loop's own damping is not asked for.
+    for cycle in 20..25 {
+        run(&mut state, cycle, Err(DriveFault::NoSample), None);
+    }
+    assert_eq!(
+        (state.state, state.sending.mode),
+        (LoopState::Damping, DriveMode::Damping)
+    );
+    // They have taken that; then each shows for two cycles that it has not yet taken torque.
+    let mut seen = Vec::new();
+    for (cycle, shown) in (25..).zip([Enabled, Enabling, Enabling, Enabled, Enabled]) {
+        run(
+            &mut state,
+            cycle,
+            Ok(&told([shown; 2])),
+            Some(&command(1.0)),
+        );
+        seen.push(state.state);
+    }
+    use LoopState::{Enabling as Waits, Running};
+    assert_eq!(
+        seen,
+        [Waits, Waits, Waits, Waits, Running],
+        "{:?}",
+        state.fault
+    );
 }
 
 #[test]
