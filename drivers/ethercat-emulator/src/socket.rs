@@ -5,15 +5,18 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use ethercat_wire::socket::FRAME_MAX;
 pub use ethercat_wire::socket::{RawSocket, SocketError, now_ns};
+use realtime::grant::{Request, apply};
 
 use crate::segment::Segment;
 
+/// As the emulated plant's own process: below the loop and the controller.
+const FIFO_PRIORITY: u8 = 70;
 /// Frames that wait to be sent late; further ones are sent at once.
 const DELAYED_MAX: usize = 64;
 /// How long nobody looks whether to stop, at most.
 const LOOK_NS: u64 = 50_000_000;
 
-/// Serves the segment on the interface until `stop` is set. What else is done with it, `beside`, is asked for 20 times a second
+/// Serves the segment on the interface until `stop` is set, with a real-time priority where the system grants one. What else is done with it, `beside`, is asked for 20 times a second
 /// at least, and must not take long.
 pub fn serve(
     socket: &RawSocket,
@@ -21,6 +24,12 @@ pub fn serve(
     stop: &AtomicBool,
     mut beside: impl FnMut(&mut Segment),
 ) {
+    let _held = apply(&Request {
+        fifo_priority: Some(FIFO_PRIORITY),
+        core: None,
+        lock_memory: false,
+        hold_dma_latency: false,
+    });
     let mut buffer = [0; FRAME_MAX];
     let mut delayed: VecDeque<(u64, Vec<u8>)> = VecDeque::new();
     while !stop.load(Ordering::Relaxed) {
