@@ -215,21 +215,3 @@ fn a_torque_in_another_unit_says_nothing_of_what_the_arm_carries() {
     let shoulder = &report.joints[1];
     assert_eq!(shoulder.effects[0].effect, "coulomb_friction");
 }
-
-#[test]
-fn friction_beside_a_wrong_torque_constant_is_told_as_it_is() {
-    // a quarter more is recorded than the motor makes
-    let report = told_of(&robot(), [1.0, 1.25, 1.0]);
-    let shoulder = &report.joints[1];
-    let gain = shoulder
-        .effects
-        .iter()
-        .find(|e| e.effect == "torque_constant_error");
-    let gain = gain.unwrap().parameters["gain"].value;
-    assert!((gain - 0.8).abs() < 0.01, "{gain}");
-    let own = shoulder.effects.iter().chain(&shoulder.minor_effects);
-    let friction = own.into_iter().find(|e| e.effect == "coulomb_friction");
-    let coulomb = friction.unwrap().parameters["coulomb_nm"];
-    assert!((coulomb.value - 2.0).abs() < 0.06, "{}", coulomb.value);
-    assert!(coulomb.std > 0.0 && coulomb.std < 0.1, "{}", coulomb.std);
-}

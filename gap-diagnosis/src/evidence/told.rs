@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use robot::Effect;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 use super::rows::Rows;
 use super::shares::{Game, Interval, Shares};
@@ -37,10 +37,6 @@ pub trait Called: Sync {
     fn kind(&self, item: usize) -> usize;
     /// Whether every joint may have it.
     fn is_usual(&self, item: usize) -> bool;
-    /// What an item's amplitudes are told times, for the others of a fit.
-    fn scale(&self, _fit: &Fit, _item: usize) -> Scale {
-        Scale::ONE
-    }
     /// The effect, as a change against the file.
     fn effect(&self, item: usize, amplitudes: &[f64]) -> Effect;
     /// Its parameters with their errors, from its amplitudes' covariance.
@@ -50,23 +46,6 @@ pub trait Called: Sync {
         amplitudes: &[f64],
         covariance: &DMatrix<f64>,
     ) -> BTreeMap<String, Parameter>;
-}
-
-/// A factor of what is told.
-#[derive(Clone, Copy, Debug)]
-pub struct Scale {
-    /// As it was found.
-    pub value: f64,
-    /// Of its error.
-    pub variance: f64,
-}
-
-impl Scale {
-    /// Nothing is changed.
-    pub const ONE: Self = Self {
-        value: 1.0,
-        variance: 0.0,
-    };
 }
 
 /// One joint with all that was found.
@@ -263,15 +242,12 @@ impl Found<'_> {
         let mut place = 0;
         let mut all = Vec::new();
         for (player, (item, amplitudes)) in fit.amplitudes.iter().enumerate() {
-            let scale = self.called.scale(fit, *item);
-            let fitted = DVector::from_column_slice(amplitudes);
-            let amplitudes: Vec<f64> = fitted.iter().map(|value| scale.value * value).collect();
-            let effect = self.called.effect(*item, &amplitudes);
+            let effect = self.called.effect(*item, amplitudes);
             let count = amplitudes.len();
             let covariance = fit.covariance.view((place, place), (count, count));
-            let covariance =
-                covariance * scale.value.powi(2) + scale.variance * &fitted * fitted.transpose();
-            let parameters = self.called.parameters(*item, &amplitudes, &covariance);
+            let parameters = self
+                .called
+                .parameters(*item, amplitudes, &covariance.into_owned());
             place += count;
             let share = shares.of[player];
             let kind = self.called.kind(*item);

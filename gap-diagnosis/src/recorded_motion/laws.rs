@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 use robot::Effect;
 
 use super::motion::JointMotion;
-use crate::evidence::told::{self, Called, Scale};
+use crate::evidence::told::{self, Called};
 use crate::evidence::{AMPLITUDE_NATS, ERRORS, Fit, NAME_NATS, Presupposed};
 use crate::report::Parameter;
 use crate::twin::joint::JointModel;
@@ -266,7 +266,9 @@ impl Law {
             },
             // the effect is added to the motor's torque, and what the joint needs of it is less by that
             Self::Offset => Effect::TorqueOffset { offset_nm: -value },
-            Self::TorqueConstant => Effect::TorqueConstantError { gain: gain(value) },
+            Self::TorqueConstant => Effect::TorqueConstantError {
+                gain: 1.0 / (1.0 + value),
+            },
             Self::Inertia => {
                 // a rotor cannot be lighter than nothing, and a sensor behind the gear does not feel it
                 if told.feels_rotor && value > -told.model.rotor_inertia_kg_m2 {
@@ -308,7 +310,7 @@ impl Law {
             Self::Asymmetric => vec![("asymmetry_nm", 0, 1.0)],
             Self::LoadDependent => vec![("load_coefficient", 0, 1.0)],
             Self::Offset => vec![("offset_nm", 0, -1.0)],
-            Self::TorqueConstant => vec![("gain", 0, -gain(value).powi(2))],
+            Self::TorqueConstant => vec![("gain", 0, -(1.0 + value).powi(-2))],
             Self::Inertia => {
                 let rotor = matches!(self.effect(amplitudes, told), Effect::RotorInertia { .. });
                 let per = if rotor {
@@ -335,11 +337,6 @@ pub struct Told<'a> {
     pub mean_rad: f64,
 }
 
-/// True over nominal torque, where what is recorded is a part more than what is needed.
-fn gain(part: f64) -> f64 {
-    (1.0 + part).recip()
-}
-
 /// Laws as they are called at one joint.
 pub struct Laws<'a> {
     /// All of them.
@@ -363,22 +360,6 @@ impl Called for Laws<'_> {
 
     fn effect(&self, item: usize, amplitudes: &[f64]) -> Effect {
         self.all[item].effect(amplitudes, &self.told)
-    }
-
-    /// Laws are fitted to the recorded torque, and told of the true one.
-    fn scale(&self, fit: &Fit, item: usize) -> Scale {
-        let mut place = 0;
-        for (other, amplitudes) in &fit.amplitudes {
-            if self.all[*other] == Law::TorqueConstant && *other != item {
-                let value = gain(amplitudes[0]);
-                return Scale {
-                    value,
-                    variance: value.powi(4) * fit.covariance[(place, place)].max(0.0),
-                };
-            }
-            place += amplitudes.len();
-        }
-        Scale::ONE
     }
 
     fn parameters(
