@@ -13,8 +13,6 @@ use crate::twin::simulate::{Between, Feedback, Way};
 const FASTER: f64 = 1.5;
 /// Bandwidth of the gains that keep a simulation on the recorded motion.
 const TRACKING_RAD_S: f64 = 80.0;
-/// Of the sample rate, where that is low.
-const TRACKING_OF_RATE: f64 = 0.2;
 /// Speed that one step of an encoder may give a rotor that is held on what it shows.
 const LEAP_MOST_RAD_S: f64 = 0.02;
 /// Else it is held on a motion as fast as this many times what holds it can follow.
@@ -84,26 +82,20 @@ fn as_told(control: &Control, joint: usize, rate_hz: f64) -> Result<Feedback, Fi
     })
 }
 
-fn tracking_rad_s(rate_hz: f64) -> f64 {
-    TRACKING_RAD_S.min(TRACKING_OF_RATE * rate_hz)
-}
-
 /// A recorded motion without its encoder's steps, joint side, where these are so coarse that a rotor held on them would leap with each:
-/// the real one did not, and leaps average friction away. None where they are fine, or rows come so slowly that it would lose of what
-/// is compared, up to `compared_hz`.
+/// the real one did not, and leaps average friction away. None where they are fine, or rows come so slowly that they smooth as much.
 ///
 /// # Errors
 /// [`FilterError`].
 pub(crate) fn without_leaps(
     motor_rad: &[f64],
     step_rad: f64,
-    [compared_hz, rate_hz]: [f64; 2],
+    rate_hz: f64,
 ) -> Result<Option<Vec<f64>>, FilterError> {
-    let bandwidth_rad_s = tracking_rad_s(rate_hz);
-    let cutoff_hz = SMOOTH * bandwidth_rad_s / TAU;
+    let cutoff_hz = SMOOTH * TRACKING_RAD_S / TAU;
     // what holds it is a damper of twice the bandwidth and the inertia
-    let is_fine = 2.0 * bandwidth_rad_s * step_rad <= LEAP_MOST_RAD_S;
-    if is_fine || cutoff_hz <= compared_hz {
+    let is_fine = 2.0 * TRACKING_RAD_S * step_rad <= LEAP_MOST_RAD_S;
+    if is_fine || cutoff_hz >= 0.5 * rate_hz {
         return Ok(None);
     }
     low_pass(motor_rad, cutoff_hz, rate_hz).map(Some)
@@ -121,10 +113,9 @@ pub fn tracking(robot: &Robot, joint: usize, rate_hz: f64) -> Feedback {
         .inverse_dynamics(&rest, &rest, &unit, &mut torque_nm);
     robot.chain.gravity_torque(&rest, &mut gravity_nm);
     let inertia_kg_m2 = torque_nm[joint] - gravity_nm[joint] + drive.reflected_inertia_kg_m2();
-    let bandwidth_rad_s = tracking_rad_s(rate_hz);
     Feedback {
-        proportional_nm_rad: inertia_kg_m2 * bandwidth_rad_s.powi(2),
-        derivative_nm_s_rad: 2.0 * inertia_kg_m2 * bandwidth_rad_s,
+        proportional_nm_rad: inertia_kg_m2 * TRACKING_RAD_S.powi(2),
+        derivative_nm_s_rad: 2.0 * inertia_kg_m2 * TRACKING_RAD_S,
         velocity_filter: None,
         on_link: false,
         delay_samples: delay_samples(robot, rate_hz),
@@ -148,17 +139,9 @@ mod tests {
             let all = (0..4000).map(swing_rad);
             all.map(|rad| (rad / step_rad).round() * step_rad).collect()
         };
-        assert_eq!(
-            without_leaps(&seen(1e-5), 1e-5, [15.0, 1000.0]).unwrap(),
-            None
-        );
-        assert_eq!(
-            without_leaps(&seen(1e-3), 1e-3, [15.0, 190.0]).unwrap(),
-            None
-        );
-        let smooth_rad = without_leaps(&seen(1e-3), 1e-3, [15.0, 1000.0])
-            .unwrap()
-            .unwrap();
+        assert_eq!(without_leaps(&seen(1e-5), 1e-5, 1000.0).unwrap(), None);
+        assert_eq!(without_leaps(&seen(1e-3), 1e-3, 50.0).unwrap(), None);
+        let smooth_rad = without_leaps(&seen(1e-3), 1e-3, 1000.0).unwrap().unwrap();
         for (k, rad) in (0..4000).zip(smooth_rad) {
             assert!((rad - swing_rad(k)).abs() < 5e-4, "{k}: {rad}");
         }
@@ -175,7 +158,7 @@ mod tests {
             let samples = shown_rad.len();
             let mut feedback = tracking(&robot, 0, 1000.0);
             if smooth {
-                feedback.smooth_rad = without_leaps(&shown_rad, STEP_RAD, [15.0, 1000.0]).unwrap();
+                feedback.smooth_rad = without_leaps(&shown_rad, STEP_RAD, 1000.0).unwrap();
             }
             let load = Load {
                 position_rad: (0..samples).map(at_rad).collect(),
@@ -211,5 +194,39 @@ mod tests {
             (leaping_nm / itself_nm - 1.0).abs() > 0.1,
             "{leaping_nm} {itself_nm}"
         );
+    }
+
+    #[test]
+    fn a_joint_is_held_as_closely_on_rows_that_come_slowly() {
+        let robot = robot::load("shd17").unwrap();
+        let model = JointModel::nominal(&robot, 0);
+        // furthest from the motion, which friction drags the rotor off wherever it turns
+        let furthest_rad = |rate_hz: f64| {
+            let samples = (4.0 * rate_hz) as usize;
+            let at_rad = |k: usize| 0.3 * (TAU * 0.5 * k as f64 / rate_hz).sin();
+            let load = Load {
+                position_rad: (0..samples).map(at_rad).collect(),
+                velocity_rad_s: vec![0.0; samples],
+                inertia_kg_m2: vec![0.1; samples],
+                torque_nm: vec![0.0; samples],
+                coupling_nm: vec![0.0; samples],
+                slope_nm_rad: vec![0.0; samples],
+            };
+            let drive = Drive {
+                period_s: 1.0 / rate_hz,
+                command_nm: vec![0.0; samples],
+                motor_rad: (0..samples).map(at_rad).collect(),
+                ..Drive::default()
+            };
+            let mut trace = Trace::default();
+            let feedback = tracking(&robot, 0, rate_hz);
+            let fine = Substeps::Fine;
+            simulate(&model, &feedback, &drive, &load, fine, None, &mut trace);
+            let held = trace.motor_rad.iter().enumerate().skip(samples / 4);
+            held.map(|(k, rad)| (rad - at_rad(k)).abs())
+                .fold(0.0, f64::max)
+        };
+        let (slow_rad, fast_rad) = (furthest_rad(100.0), furthest_rad(1000.0));
+        assert!(slow_rad < 1.1 * fast_rad, "{slow_rad} {fast_rad}");
     }
 }

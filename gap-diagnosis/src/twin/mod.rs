@@ -497,7 +497,7 @@ impl<'a> Piece<'a> {
         tracking.smooth_rad = control::without_leaps(
             &signals.drive.motor_rad,
             step_rad / file.gear_ratio,
-            [band.cutoff_hz, band.rate_hz],
+            band.rate_hz,
         )?;
         let vibration = Vibration::of(
             &signals.drive.motor_rad,

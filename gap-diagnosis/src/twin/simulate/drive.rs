@@ -57,3 +57,25 @@ pub(super) fn between(values: &[f64], at: f64) -> f64 {
     let after = (before + 1).min(last);
     values[before] + (at - before as f64).min(1.0) * (values[after] - values[before])
 }
+
+/// The same along a curve that has no corner at a value: a cubic through the two around the place, with the slopes that their neighbours
+/// tell (Catmull and Rom, Computer Aided Geometric Design, 1974, 317-326).
+pub(super) fn smoothly_between(values: &[f64], at: f64) -> f64 {
+    let last = values.len() - 1;
+    let at = at.clamp(0.0, last as f64);
+    let before = at as usize;
+    let value = |place: usize| values[place.min(last)];
+    let [a, b, c, d] = [
+        value(before.saturating_sub(1)),
+        value(before),
+        value(before + 1),
+        value(before + 2),
+    ];
+    let t = at - before as f64;
+    let [slope, bend, twist] = [
+        c - a,
+        2.0 * a - 5.0 * b + 4.0 * c - d,
+        3.0 * (b - c) + d - a,
+    ];
+    b + 0.5 * t * (slope + t * (bend + t * twist))
+}

@@ -24,7 +24,7 @@ use joint_model::harmonic;
 use crate::twin::joint::JointModel;
 use crate::twin::load::Load;
 pub use drive::{Between, Drive};
-use drive::{Held, between};
+use drive::{Held, between, smoothly_between};
 use hold::Hold;
 use load_step::LoadStep;
 
@@ -52,7 +52,7 @@ pub struct Feedback {
 pub enum Way {
     /// Through the drive, on what the sensors show.
     Commanded,
-    /// On the rotor, beside the drive and without delay, along the recorded motion as it goes from sample to sample.
+    /// On the rotor, beside the drive and without delay, along the recorded motion as it curves from sample to sample.
     Held,
 }
 
@@ -169,7 +169,7 @@ pub fn simulate(
                 Way::Commanded => Hold::default(),
                 Way::Held => {
                     let next = now + 1.0 / substeps as f64;
-                    let motor_rad = [now, next].map(|at| between(along_rad, at + ahead));
+                    let motor_rad = [now, next].map(|at| smoothly_between(along_rad, at + ahead));
                     let rotor = [joint.motor_rad, joint.motor_rad_s];
                     Hold::on(feedback, model, rotor, motor_rad, step_s)
                 }
