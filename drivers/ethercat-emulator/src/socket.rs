@@ -16,8 +16,8 @@ const DELAYED_MAX: usize = 64;
 /// How long nobody looks whether to stop, at most.
 const LOOK_NS: u64 = 50_000_000;
 
-/// Serves the segment on the interface until `stop` is set, with a real-time priority where the system grants one. What else is done with it, `beside`, is asked for 20 times a second
-/// at least, and must not take long.
+/// Serves the segment on the interface until `stop` is set, with a real-time priority where the system grants one. What else is done
+/// with it, `beside`, is asked for 20 times a second at least, and must not take long.
 pub fn serve(
     socket: &RawSocket,
     segment: &mut Segment,

@@ -132,6 +132,19 @@ mod tests {
     use crate::twin::load::Load;
     use crate::twin::simulate::{Drive, Substeps, Trace, simulate};
 
+    /// A link that weighs nothing, along these positions.
+    fn bare(position_rad: Vec<f64>) -> Load {
+        let nothing = vec![0.0; position_rad.len()];
+        Load {
+            inertia_kg_m2: vec![0.1; position_rad.len()],
+            position_rad,
+            velocity_rad_s: nothing.clone(),
+            torque_nm: nothing.clone(),
+            coupling_nm: nothing.clone(),
+            slope_nm_rad: nothing,
+        }
+    }
+
     #[test]
     fn coarse_steps_are_smoothed_and_fine_ones_are_not() {
         let swing_rad = |k: i32| 0.3 * (TAU * 0.5 * 1e-3 * f64::from(k)).sin();
@@ -160,14 +173,7 @@ mod tests {
             if smooth {
                 feedback.smooth_rad = without_leaps(&shown_rad, STEP_RAD, 1000.0).unwrap();
             }
-            let load = Load {
-                position_rad: (0..samples).map(at_rad).collect(),
-                velocity_rad_s: vec![0.0; samples],
-                inertia_kg_m2: vec![0.1; samples],
-                torque_nm: vec![0.0; samples],
-                coupling_nm: vec![0.0; samples],
-                slope_nm_rad: vec![0.0; samples],
-            };
+            let load = bare((0..samples).map(at_rad).collect());
             let drive = Drive {
                 period_s: 1e-3,
                 command_nm: vec![0.0; samples],
@@ -204,14 +210,7 @@ mod tests {
         let furthest_rad = |rate_hz: f64| {
             let samples = (4.0 * rate_hz) as usize;
             let at_rad = |k: usize| 0.3 * (TAU * 0.5 * k as f64 / rate_hz).sin();
-            let load = Load {
-                position_rad: (0..samples).map(at_rad).collect(),
-                velocity_rad_s: vec![0.0; samples],
-                inertia_kg_m2: vec![0.1; samples],
-                torque_nm: vec![0.0; samples],
-                coupling_nm: vec![0.0; samples],
-                slope_nm_rad: vec![0.0; samples],
-            };
+            let load = bare((0..samples).map(at_rad).collect());
             let drive = Drive {
                 period_s: 1.0 / rate_hz,
                 command_nm: vec![0.0; samples],

@@ -471,6 +471,16 @@ fn told(states: [DriveState; 2]) -> DriveSample {
     sample
 }
 
+/// After twenty cycles of torque, the last in cycle 19.
+fn moving() -> CycleState {
+    let mut state = CycleState::default();
+    let obeys = told([DriveState::Enabled; 2]);
+    for cycle in 0..20 {
+        run(&mut state, cycle, Ok(&obeys), Some(&command(1.0)));
+    }
+    state
+}
+
 #[test]
 fn drives_are_enabled_over_many_cycles_before_anything_moves() {
     use DriveState::{Enabled, Enabling, NotReady, SwitchedOff};
@@ -526,15 +536,7 @@ fn a_drive_that_is_never_enabled_is_named() {
 #[test]
 fn a_drive_fault_while_moving_is_told_with_joint_and_code_and_reset_by_the_operator() {
     use DriveState::{Enabled, Fault as Faulted, SwitchedOff};
-    let mut state = CycleState::default();
-    for cycle in 0..20 {
-        run(
-            &mut state,
-            cycle,
-            Ok(&told([Enabled; 2])),
-            Some(&command(1.0)),
-        );
-    }
+    let mut state = moving();
     assert_eq!(state.state, LoopState::Running);
     let mut tripped = told([Enabled, Faulted]);
     tripped.drives.error_code[1] = 0x2310;
@@ -603,13 +605,7 @@ fn a_drive_fault_while_moving_is_told_with_joint_and_code_and_reset_by_the_opera
 #[test]
 fn a_drive_that_drops_out_while_it_should_obey_stops_the_run() {
     use DriveState::{Enabled, QuickStop, SwitchedOff};
-    let moving = |state: &mut CycleState| {
-        for cycle in 0..20 {
-            run(state, cycle, Ok(&told([Enabled; 2])), Some(&command(1.0)));
-        }
-    };
-    let mut state = CycleState::default();
-    moving(&mut state);
+    let mut state = moving();
     run(
         &mut state,
         20,
@@ -625,8 +621,7 @@ fn a_drive_that_drops_out_while_it_should_obey_stops_the_run() {
         (LoopState::SafeStop, Some(Fault::Drive(off)))
     );
     // One whose watchdog ran out is damped, enabled again and goes on.
-    let mut state = CycleState::default();
-    moving(&mut state);
+    let mut state = moving();
     let mut seen = Vec::new();
     let walk = [QuickStop, QuickStop, QuickStop, Enabled, Enabled, Enabled];
     for (cycle, second) in (20..).zip(walk) {
@@ -642,15 +637,7 @@ fn a_drive_that_drops_out_while_it_should_obey_stops_the_run() {
 #[test]
 fn drives_that_damped_by_themselves_get_their_time_to_take_torque_again() {
     use DriveState::{Enabled, Enabling};
-    let mut state = CycleState::default();
-    for cycle in 0..20 {
-        run(
-            &mut state,
-            cycle,
-            Ok(&told([Enabled; 2])),
-            Some(&command(1.0)),
-        );
-    }
+    let mut state = moving();
     // Held for three cycles, then damped by the drives: without a sample the loop's own damping is not asked for.
     for cycle in 20..25 {
         run(&mut state, cycle, Err(DriveFault::NoSample), None);
