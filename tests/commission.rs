@@ -84,6 +84,14 @@ struct Terminal {
     read_to: usize,
 }
 
+/// A walk that a test gave up is not left behind.
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
 impl Terminal {
     fn open(bench: &Bench, arguments: &[&str]) -> Self {
         Self::open_with(bench, "--commission", arguments)
@@ -100,11 +108,13 @@ impl Terminal {
 
     fn with(mut command: Command) -> Self {
         let alone = ONE.lock().unwrap_or_else(PoisonError::into_inner);
-        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a terminal");
+        // Another test may start a program at any moment: inherited, either end would outlive the walk, and its reader wait for good.
+        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
+        let master = openpt(flags).expect("a terminal");
         grantpt(&master).expect("granted");
         unlockpt(&master).expect("unlocked");
         let name = ptsname(&master, Vec::new()).expect("a name");
-        let flags = OFlags::RDWR | OFlags::NOCTTY;
+        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
         let slave: OwnedFd =
             rustix::fs::open(name.as_c_str(), flags, Mode::empty()).expect("its other end");
         command
@@ -171,16 +181,15 @@ impl Terminal {
     fn end(mut self) -> (Option<i32>, String) {
         let begun = Instant::now();
         while begun.elapsed() < PATIENCE {
-            if let Some(status) = self.child.try_wait().expect("a child") {
-                // It ends with the terminal's other end, once the last words were read.
-                self.reader.join().expect("nobody panics");
-                let said = self.said.lock().expect("nobody panics").clone();
-                return (status.code(), said);
+            // The reader ends with the terminal's other end, once the last words were read.
+            if let Some(status) = self.child.try_wait().expect("a child")
+                && self.reader.is_finished()
+            {
+                return (status.code(), self.said());
             }
             std::thread::sleep(Duration::from_millis(20));
         }
-        kill(self.child.id(), libc::SIGKILL);
-        panic!("it did not end: {}", self.said());
+        panic!("it or its terminal did not end: {}", self.said());
     }
 }
 
