@@ -7,6 +7,7 @@ use std::fs;
 use std::io::{BufRead, BufReader};
 
 use recording::Signal;
+use robot::Effect;
 use serde_json::Value;
 use support::{Bench, kill, output, spawn, text};
 
@@ -127,8 +128,9 @@ gear_ratio = 100.0
 rotor_inertia_kg_m2 = 1e-5
 "#;
 
-/// Its log on a sum of sines, in Hz and rad, with Coulomb and viscous friction and a torque over position that is on no list.
-fn pendulum_log(sines: [[f64; 2]; 3]) -> String {
+/// Its log on a sum of sines, in Hz and rad, with Coulomb and viscous friction, a torque over position that is on no list, and a motor
+/// that is so many times as strong as recorded.
+fn pendulum_log(sines: [[f64; 2]; 3], unlisted_nm: f64, gain: f64) -> String {
     const STEP_S: f64 = 0.002;
     const STEP_RAD: f64 = 1e-5;
     let inertia_kg_m2 = 0.025 + 2.0 * 0.25_f64.powi(2) + 1e-5 * 100.0_f64.powi(2);
@@ -144,13 +146,16 @@ fn pendulum_log(sines: [[f64; 2]; 3]) -> String {
             a -= rad * rate * rate * sin;
         }
         let friction_nm = (v / 0.01).tanh() + v;
-        let unlisted_nm = 1.5 * (6.0 * q).sin();
+        let unlisted_nm = unlisted_nm * (6.0 * q).sin();
         // the golden ratio's multiples fill the unit evenly: noise without a generator
         let noise_nm = 0.07 * ((f64::from(row) * 0.618_034).fract() - 0.5);
         let torque_nm =
             inertia_kg_m2 * a + 2.0 * 9.81 * 0.25 * q.sin() + friction_nm + unlisted_nm + noise_nm;
         let shown_rad = (q / STEP_RAD).round() * STEP_RAD;
-        log += &format!("{time_s:.4},{shown_rad:.6},{:.9}\n", torque_nm / 100.0);
+        log += &format!(
+            "{time_s:.4},{shown_rad:.6},{:.9}\n",
+            torque_nm / 100.0 / gain
+        );
     }
     log
 }
@@ -164,7 +169,7 @@ fn what_has_no_name_is_written_as_a_table_and_shrinks_the_gap_on_another_motion(
         ("other.csv", [[0.17, 0.5], [0.43, 0.3], [0.61, 0.12]]),
     ];
     for (name, sines) in motions {
-        fs::write(bench.file(name), pendulum_log(sines)).unwrap();
+        fs::write(bench.file(name), pendulum_log(sines, 1.5, 1.0)).unwrap();
     }
     let diagnose = |robot: &str, recording: &str| {
         flexspline(
@@ -190,6 +195,66 @@ fn what_has_no_name_is_written_as_a_table_and_shrinks_the_gap_on_another_motion(
     let [by_file_nm, named_nm, with_rest_nm] = gap_nm;
     assert!(named_nm < 0.8 * by_file_nm, "{gap_nm:?}");
     assert!(with_rest_nm < 0.4 * named_nm, "{gap_nm:?}");
+}
+
+#[test]
+fn friction_beside_a_torque_constant_is_written_as_the_motors() {
+    let bench = bench("constant");
+    fs::write(bench.file("file.toml"), PENDULUM).unwrap();
+    let motions = [
+        ("first.csv", [[0.21, 0.6], [0.37, 0.25], [0.73, 0.1]]),
+        ("other.csv", [[0.17, 0.5], [0.43, 0.3], [0.61, 0.12]]),
+    ];
+    for (name, sines) in motions {
+        fs::write(bench.file(name), pendulum_log(sines, 0.0, 0.7)).unwrap();
+    }
+    let diagnose = |robot: &str, recording: &str| {
+        let command = "gap diagnose --out gap --robot";
+        flexspline(
+            &bench,
+            &format!("{command} {robot} --recording {recording}"),
+        );
+        json(&bench, "gap/report.json")
+    };
+    let first = diagnose("file.toml", "first.csv");
+    let factor = first["joints"][0]["motor_torque_per_recorded"].as_f64();
+    assert!(
+        factor.is_some_and(|factor| (factor - 0.7).abs() < 0.02),
+        "{first}"
+    );
+    let is_told = |finding: &Value| {
+        finding["what"]
+            .as_str()
+            .is_some_and(|what| what.contains("as recorded"))
+    };
+    assert!(
+        first["data"].as_array().unwrap().iter().any(is_told),
+        "{first}"
+    );
+    flexspline(
+        &bench,
+        "gap apply --report gap/report.json --robot file.toml --out new.toml",
+    );
+    let new = robot::load(&bench.file("new.toml").display().to_string()).unwrap();
+    let coulomb_nm = new.joints[0]
+        .effects
+        .iter()
+        .find_map(|effect| match effect {
+            Effect::CoulombFriction { coulomb_nm } => Some(*coulomb_nm),
+            _ => None,
+        });
+    // 1 Nm of the motor's is 1.43 Nm as recorded
+    assert!(
+        coulomb_nm.is_some_and(|nm| (nm - 1.0).abs() < 0.05),
+        "{:?}",
+        new.joints[0]
+    );
+    let gap_nm = ["file.toml", "new.toml"].map(|robot| {
+        let told = diagnose(robot, "other.csv");
+        let before = &told["joints"][0]["gap"]["torque_rms_nm"]["before"];
+        before.as_f64().unwrap()
+    });
+    assert!(gap_nm[1] < 0.05 * gap_nm[0], "{gap_nm:?}");
 }
 
 #[test]

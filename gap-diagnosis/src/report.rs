@@ -307,6 +307,18 @@ pub struct JointReport {
     /// What it depends on, largest share first.
     #[serde(default)]
     pub remaining_over: Vec<RemainsOver>,
+    /// By this torques of effects and rest are multiplied to be the motor's own: the torque constant where they are as recorded.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub motor_torque_per_recorded: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
+fn is_one(value: &f64) -> bool {
+    *value == 1.0
 }
 
 /// What the rest depends on.
@@ -427,6 +439,10 @@ impl JointReport {
                     ));
                 }
             }
+        }
+        let factor = self.motor_torque_per_recorded;
+        if !(factor.is_finite() && factor > 0.0) {
+            return Err(wrong("motor_torque_per_recorded".to_owned(), factor));
         }
         self.check_shares(shared_share, wrong)
     }

@@ -8,8 +8,8 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use gap_diagnosis::report::{NamedEffect, Parameter, Report};
-use robot::{Effect, Robot, RobotFile, Simulator, Source};
+use gap_diagnosis::report::{JointReport, NamedEffect, Parameter, Report};
+use robot::{Effect, EffectKind, Robot, RobotFile, Simulator, Source};
 use serde::Serialize;
 use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value};
 
@@ -343,13 +343,31 @@ pub fn with_effects(text: &str, report: &Report) -> Result<(String, Vec<Change>)
         }
     }
     for joint in &report.joints {
-        // all were fitted together: without the small ones the large ones are wrong
-        for found in joint.named() {
-            let effect = to_effect(found)?;
+        for (_, effect) in effects_of(joint)? {
             changes.push(add_to_joint(&mut document, &joint.joint, &effect)?);
         }
     }
     Ok((document.to_string(), changes))
+}
+
+/// What is named of a joint, in the motor's newton metres. All were fitted together: without the small ones the large ones are wrong.
+fn effects_of(joint: &JointReport) -> Result<Vec<(&NamedEffect, Effect)>, String> {
+    let named = joint.named();
+    named
+        .map(|found| {
+            let mut own = found.clone();
+            for parameter in EffectKind::named(&found.effect)
+                .map_or(&[][..], EffectKind::parameters)
+                .iter()
+                .filter(|parameter| parameter.is_of_torque())
+            {
+                if let Some(value) = own.parameters.get_mut(parameter.name) {
+                    value.value *= joint.motor_torque_per_recorded;
+                }
+            }
+            Ok((found, to_effect(&own)?))
+        })
+        .collect()
 }
 
 /// The effect with the values found. A point's coordinates are parameters of their own.

@@ -1,5 +1,7 @@
 //! One joint as it is regressed: its rows, what may be named of it, and which names are.
 
+use robot::EffectKind;
+
 use super::dynamics::Drive;
 use super::laws::{self, Law};
 use super::rows::JointRows;
@@ -8,7 +10,7 @@ use super::signals::TorqueSource;
 use crate::evidence::arm::{self, Cause};
 use crate::evidence::imitation;
 use crate::evidence::{DEVIATIONS, Evidence, Fit, Item, Names, Presupposed, Problem, Scored, Span};
-use crate::report::{DataFinding, SignalGap};
+use crate::report::{DataFinding, JointReport, SignalGap};
 use crate::signal::band::COMPARED_HZ;
 
 /// Part of the torque that nobody can tell: torque transducers and current sensors of class 0.5 are linear to half a per cent.
@@ -257,6 +259,19 @@ impl Joint {
                 "in the mapping file, [joint.{name}], {signal}: check its scale (amperes, per cent, gear side)"
             ),
         })
+    }
+
+    /// What a recorded newton metre is of the motor's, by the torque constants of the file and of what is told. A sensor behind the
+    /// gear measures for itself.
+    pub fn motor_torque_per_recorded(&self, told: &JointReport) -> f64 {
+        if self.source == TorqueSource::Sensor {
+            return 1.0;
+        }
+        let gains = told.named().filter_map(|found| {
+            let is_gain = found.effect == EffectKind::TorqueConstantError.name();
+            is_gain.then(|| found.parameters.get("gain"))?
+        });
+        self.drive.model().torque_gain * gains.map(|gain| gain.value).product::<f64>()
     }
 
     /// What a reader should know of where the torque comes from.

@@ -30,7 +30,7 @@ use crate::evidence::arm::Cause;
 use crate::evidence::shares::Interval;
 use crate::evidence::told::{Found, Said};
 use crate::on_all_cores::OnAllCores;
-use crate::report::{DataFinding, JointShare, TwinKind};
+use crate::report::{DataFinding, JointReport, JointShare, TwinKind};
 
 use dynamics::{Drive, Torques};
 use joint::{Joint, Searched};
@@ -136,7 +136,10 @@ pub fn diagnose(
             report.data.extend(joint.notes(&file.name));
             report.data.extend(joint.note_of_unit(&file.name));
             traces.push(traces_of(&file.name, &joint.rows, &said.fit));
-            report.joints.push(said.report);
+            let mut told = said.report;
+            told.motor_torque_per_recorded = joint.motor_torque_per_recorded(&told);
+            report.data.extend(note_of_scale(&told));
+            report.joints.push(told);
         }
         report.shared_effects = shared
             .into_iter()
@@ -155,6 +158,21 @@ pub fn diagnose(
     report.data.sort_by_key(DataFinding::rank);
     report.compute_seconds = begin.elapsed().as_secs_f64();
     Ok(Diagnosis { report, traces })
+}
+
+/// In which newton metres the values stand beside a torque constant.
+fn note_of_scale(told: &JointReport) -> Option<DataFinding> {
+    let factor = told.motor_torque_per_recorded;
+    let beside = told.named().count() > 1 || !told.remaining_over.is_empty();
+    (factor != 1.0 && beside).then(|| DataFinding {
+        joint: Some(told.joint.clone()),
+        severity: "note".to_owned(),
+        what: format!(
+            "beside its torque constant, torques are in newton metres as recorded; the motor's are {factor:.3} times as much, and \
+             `flexspline gap apply` writes those"
+        ),
+        remedy: String::new(),
+    })
 }
 
 /// What the robot file does not state of the measurement, as lines to add to it: it is unknown, and never an effect.

@@ -140,6 +140,12 @@ pub struct Parameter {
 }
 
 impl Parameter {
+    /// Whether it is proportional to the joint's torque, as its unit tells: of an effect in newton metres half as large it is half.
+    pub fn is_of_torque(&self) -> bool {
+        let name = self.name;
+        name.contains("_nm") || ["inertia_kg_m2", "mass_kg", "load_coefficient"].contains(&name)
+    }
+
     const fn new(name: &'static str) -> Self {
         Self {
             name,

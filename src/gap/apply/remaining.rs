@@ -34,7 +34,10 @@ pub fn with_remaining(text: &str, report: &Report) -> Result<WithRemaining, Stri
         .map_err(|error| format!("robot file: {error}"))?;
     let (mut changes, mut left_out) = (Vec::new(), Vec::new());
     for joint in &report.joints {
-        let written = joint.remaining_over.iter().find_map(table);
+        let written = joint
+            .remaining_over
+            .iter()
+            .find_map(|rest| table(rest, joint));
         if let Some((_, table)) = &written {
             changes.push(add(&mut document, joint, table)?);
         }
@@ -48,7 +51,7 @@ pub fn with_remaining(text: &str, report: &Report) -> Result<WithRemaining, Stri
 }
 
 /// The rest as a table; none where it is no function of one number that a joint has by itself. The largest stands first.
-fn table(rest: &RemainsOver) -> Option<(Remains, TorqueTable)> {
+fn table(rest: &RemainsOver, joint: &JointReport) -> Option<(Remains, TorqueTable)> {
     let over = match rest.over {
         Remains::Position => TableOver::Position,
         Remains::Velocity => TableOver::Velocity,
@@ -67,7 +70,8 @@ fn table(rest: &RemainsOver) -> Option<(Remains, TorqueTable)> {
         // corners that are one within the digits that are written
         if table.at.last().is_none_or(|last| *last < at) {
             table.at.push(at);
-            table.torque_nm.push(rounded(*torque_nm));
+            let own_nm = joint.motor_torque_per_recorded * torque_nm;
+            table.torque_nm.push(rounded(own_nm));
         }
     }
     (table.at.len() > 1 && is_material(rest)).then_some((rest.over, table))
@@ -119,7 +123,7 @@ fn told(joint: &JointReport, written: Option<Remains>) -> Vec<String> {
     let others = joint.remaining_over.iter();
     let others = others.filter(|rest| Some(rest.over) != written);
     let told = others.map(|rest| {
-        let why = match (table(rest), written) {
+        let why = match (table(rest, joint), written) {
             (Some(_), Some(written)) => format!(
                 "it may be what the table over {} holds; diagnose again with the new file",
                 variable(written)

@@ -8,7 +8,7 @@ use gap_diagnosis::report::Report;
 use robot::{Effect, Outcome, Simulator, SimulatorFile};
 use serde::Serialize;
 
-use super::{check_name, names_nothing, to_effect};
+use super::{check_name, effects_of, names_nothing, to_effect};
 use crate::cli::GapApplyArguments;
 use crate::error::CliError;
 use crate::gap::page::words::percent;
@@ -161,9 +161,8 @@ fn add_all(
         }
     }
     for joint in &report.joints {
-        // all were fitted together: without the small ones the large ones are wrong
-        for found in joint.named() {
-            add(Some(&joint.joint), &to_effect(found)?, found.share);
+        for (found, effect) in effects_of(joint)? {
+            add(Some(&joint.joint), &effect, found.share);
         }
     }
     Ok(all)
