@@ -8,7 +8,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use robot::Stage;
+use robot::{EffectKind, Stage};
 
 /// The only version there is.
 pub const SCHEMA: u32 = 2;
@@ -310,6 +310,9 @@ pub struct JointReport {
     /// By this torques of effects and rest are multiplied to be the motor's own: the torque constant where they are as recorded.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub motor_torque_per_recorded: f64,
+    /// Whether its torque is that of a sensor behind the gear: `torque_offset` and `torque_constant_error` are then the sensor's.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_by_torque_sensor: bool,
 }
 
 fn one() -> f64 {
@@ -407,6 +410,8 @@ impl Report {
     }
 }
 
+/// What a torque sensor behind the gear may be wrong by: called as if they were the motor's.
+const OF_SENSOR: [EffectKind; 2] = [EffectKind::TorqueOffset, EffectKind::TorqueConstantError];
 /// Shares of a joint add up to 1 within this: a report may have been written with three digits of each.
 const SHARES_WITHIN: f64 = 0.01;
 
@@ -414,6 +419,11 @@ impl JointReport {
     /// Effects that are named, minor ones too.
     pub fn named(&self) -> impl Iterator<Item = &NamedEffect> {
         self.effects.iter().chain(&self.minor_effects)
+    }
+
+    /// Whether an effect that is named of it is its torque sensor's.
+    pub fn is_of_sensor(&self, effect: &str) -> bool {
+        self.is_by_torque_sensor && OF_SENSOR.iter().any(|kind| kind.name() == effect)
     }
 
     /// `shared_share`: what effects that several joints have take.

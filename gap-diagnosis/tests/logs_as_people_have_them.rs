@@ -318,6 +318,26 @@ fn a_torque_sensor_alone_is_enough() {
 }
 
 #[test]
+fn what_a_torque_sensor_is_wrong_by_is_told_as_a_line_of_the_mapping() {
+    let (robot, log) = behind_the_gear();
+    let wrong_nm = log.torque_nm.iter().map(|nm| nm - 2.0);
+    let signals = vec![
+        (Signal::LinkPositionRad, log.position_rad),
+        (Signal::JointTorqueNm, wrong_nm.collect()),
+    ];
+    let report = told(&robot, recording(log.time_s, signals));
+    let offset_nm = value(&report.joints[0], "torque_offset", "offset_nm");
+    assert!((offset_nm - 2.0).abs() < 0.1, "{:?}", report.joints[0]);
+    assert!(report.joints[0].is_of_sensor("torque_offset"));
+    let remedy = format!("joint_torque_nm: add {offset_nm:.3} to its offset");
+    let told = report
+        .data
+        .iter()
+        .find(|note| note.remedy.ends_with(&remedy));
+    assert!(told.is_some(), "{:?}", report.data);
+}
+
+#[test]
 fn lost_rows_are_bridged() {
     let (robot, log) = behind_the_gear();
     // bursts of one to three rows of 40

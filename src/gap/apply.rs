@@ -123,25 +123,26 @@ pub fn mended(
     let mut mended = Mended {
         text,
         changes,
-        left_out: Vec::new(),
+        left_out: sensors(&report).collect(),
     };
     if remaining {
         let rest = remaining::with_remaining(&mended.text, &report).map_err(refuse)?;
         mended.text = rest.text;
         mended.changes.extend(rest.changes);
-        mended.left_out = rest.left_out;
+        mended.left_out.extend(rest.left_out);
     }
     if mended.changes.is_empty() {
-        return Err(names_nothing(report_name));
+        return Err(names_nothing(report_name, &report));
     }
     check(&mended.text, robot)?;
     Ok(mended)
 }
 
-fn names_nothing(report_name: &str) -> CliError {
-    CliError::Negative(format!(
-        "{report_name}: names no effect, so there is nothing to add"
-    ))
+fn names_nothing(report_name: &str, report: &Report) -> CliError {
+    CliError::Negative(match sensors(report).next() {
+        Some(of_sensor) => format!("{report_name}: nothing to add: {of_sensor}"),
+        None => format!("{report_name}: names no effect, so there is nothing to add"),
+    })
 }
 
 /// Whether the report is about this robot.
@@ -350,9 +351,22 @@ pub fn with_effects(text: &str, report: &Report) -> Result<(String, Vec<Change>)
     Ok((document.to_string(), changes))
 }
 
+const OF_SENSOR: &str =
+    "it is the torque sensor's; correct it in the mapping file, as a note of the report tells";
+
+/// What is left out of the files, in sentences: what a torque sensor is wrong by is no effect of the joint.
+fn sensors(report: &Report) -> impl Iterator<Item = String> {
+    let joints = report.joints.iter();
+    let named = joints.flat_map(|joint| joint.named().map(move |found| (joint, found)));
+    let of_sensors = named.filter(|(joint, found)| joint.is_of_sensor(&found.effect));
+    of_sensors
+        .map(|(joint, found)| format!("{}: {}: left out, {OF_SENSOR}", joint.joint, found.effect))
+}
+
 /// What is named of a joint, in the motor's newton metres. All were fitted together: without the small ones the large ones are wrong.
 fn effects_of(joint: &JointReport) -> Result<Vec<(&NamedEffect, Effect)>, String> {
     let named = joint.named();
+    let named = named.filter(|found| !joint.is_of_sensor(&found.effect));
     named
         .map(|found| {
             let mut own = found.clone();

@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use recording::{Recording, Signal, without_misread};
-use robot::Robot;
+use robot::{EffectKind, Robot};
 
 use crate::diagnose::{
     DiagnoseError, Diagnosis, JointTraces, Progress, blank_report, insufficient,
@@ -138,7 +138,9 @@ pub fn diagnose(
             traces.push(traces_of(&file.name, &joint.rows, &said.fit));
             let mut told = said.report;
             told.motor_torque_per_recorded = joint.motor_torque_per_recorded(&told);
+            told.is_by_torque_sensor = joint.source == TorqueSource::Sensor;
             report.data.extend(note_of_scale(&told));
+            report.data.extend(note_of_sensor(&told));
             report.joints.push(told);
         }
         report.shared_effects = shared
@@ -172,6 +174,41 @@ fn note_of_scale(told: &JointReport) -> Option<DataFinding> {
              `flexspline gap apply` writes those"
         ),
         remedy: String::new(),
+    })
+}
+
+/// What a torque sensor is wrong by, as the line of the mapping file that puts it right.
+fn note_of_sensor(told: &JointReport) -> Option<DataFinding> {
+    let value = |kind: EffectKind, parameter: &str| {
+        let mut named = told
+            .named()
+            .filter(|found| told.is_of_sensor(&found.effect));
+        let found = named.find(|found| found.effect == kind.name())?;
+        Some(found.parameters.get(parameter)?.value)
+    };
+    let gain = value(EffectKind::TorqueConstantError, "gain");
+    let offset_nm = value(EffectKind::TorqueOffset, "offset_nm");
+    // the motor's offset helps, and what the sensor shows is less by it
+    let added = offset_nm.map(|nm| format!("add {:.3} to its offset", nm * gain.unwrap_or(1.0)));
+    let scaled = gain.map(|gain| {
+        format!(
+            "multiply its scale{} by {gain:.3}",
+            if added.is_some() {
+                " and its offset"
+            } else {
+                ""
+            }
+        )
+    });
+    let both = [scaled, added].into_iter().flatten();
+    let remedy = both.collect::<Vec<String>>().join(", then ");
+    (!remedy.is_empty()).then(|| DataFinding {
+        joint: Some(told.joint.clone()),
+        severity: "note".to_owned(),
+        what: "an offset or a factor of its torque is the torque sensor's, or what the file's masses lack: `flexspline gap apply` leaves it \
+               out"
+            .to_owned(),
+        remedy: format!("in the mapping file, [joint.{}], joint_torque_nm: {remedy}", told.joint),
     })
 }
 

@@ -8,7 +8,7 @@ use gap_diagnosis::report::Report;
 use robot::{Effect, Outcome, Simulator, SimulatorFile};
 use serde::Serialize;
 
-use super::{check_name, effects_of, names_nothing, to_effect};
+use super::{OF_SENSOR, check_name, effects_of, names_nothing, to_effect};
 use crate::cli::GapApplyArguments;
 use crate::error::CliError;
 use crate::gap::page::words::percent;
@@ -91,7 +91,7 @@ pub fn apply(
         |reason: String| CliError::Input(format!("{}: {reason}", arguments.report.display()));
     let effects = add_all(&mut file, report, &|name| robot.joint_index(name)).map_err(refuse)?;
     if effects.is_empty() {
-        return Err(names_nothing(&report_name));
+        return Err(names_nothing(&report_name, report));
     }
     let joints = shares(report, &effects);
     if effects.iter().all(|said| said.done.is_none()) {
@@ -163,6 +163,20 @@ fn add_all(
     for joint in &report.joints {
         for (found, effect) in effects_of(joint)? {
             add(Some(&joint.joint), &effect, found.share);
+        }
+    }
+    for joint in &report.joints {
+        for found in joint
+            .named()
+            .filter(|found| joint.is_of_sensor(&found.effect))
+        {
+            all.push(Said {
+                joint: Some(joint.joint.clone()),
+                effect: to_effect(found)?.name(),
+                share: found.share,
+                done: None,
+                cannot_say: Some(OF_SENSOR.to_owned()),
+            });
         }
     }
     Ok(all)

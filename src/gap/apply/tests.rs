@@ -93,6 +93,60 @@ fn a_change_is_added_to_the_entry_there_is_and_comments_stay() {
 }
 
 #[test]
+fn beside_a_torque_constant_torques_are_the_motor_s() {
+    let named = [
+        Effect::TorqueConstantError { gain: 0.8 },
+        Effect::CoulombFriction { coulomb_nm: 0.5 },
+        Effect::StribeckFriction {
+            stribeck_nm: 1.0,
+            stribeck_velocity_rad_s: 0.1,
+        },
+    ];
+    let mut report = report(json!(named.each_ref().map(found)), json!([]));
+    report.joints[0].motor_torque_per_recorded = 0.8;
+    let (text, _) = with_effects(ROBOT, &report).unwrap();
+    let effects = &built(&text).joints[0].effects;
+    assert!(effects.contains(&Effect::CoulombFriction { coulomb_nm: 2.4 }));
+    assert!(effects.contains(&named[0]));
+    let stribeck = Effect::StribeckFriction {
+        stribeck_nm: 0.8,
+        stribeck_velocity_rad_s: 0.1,
+    };
+    assert!(effects.contains(&stribeck), "{text}");
+}
+
+#[test]
+fn what_is_a_torque_sensor_s_is_left_out_and_said() {
+    let offset = found(&Effect::TorqueOffset { offset_nm: 0.4 });
+    let friction = found(&Effect::CoulombFriction { coulomb_nm: 0.5 });
+    let mut alone = report(json!([offset]), json!([]));
+    alone.joints[0].is_by_torque_sensor = true;
+    let mut beside = report(json!([offset, friction]), json!([]));
+    beside.joints[0].is_by_torque_sensor = true;
+    let source = Source::File("bench.toml".into());
+    let robot = super::RobotText {
+        text: ROBOT,
+        source: &source,
+        name: "bench.toml",
+    };
+    let mended = super::mended(&robot, beside, "report.json", false).unwrap();
+    assert_eq!(
+        mended.text,
+        ROBOT.replace("coulomb_nm = 2.0", "coulomb_nm = 2.5")
+    );
+    assert!(
+        mended.left_out[0].contains("shoulder: torque_offset: left out, it is the torque sensor's")
+    );
+    let refused = super::mended(&robot, alone, "report.json", false).unwrap_err();
+    assert!(
+        refused
+            .to_string()
+            .contains("nothing to add: shoulder: torque_offset"),
+        "{refused}"
+    );
+}
+
+#[test]
 fn rotor_inertia_is_the_file_s_own_value() {
     let change = found(&Effect::RotorInertia {
         inertia_kg_m2: 1e-6,
