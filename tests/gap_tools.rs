@@ -217,7 +217,7 @@ fn friction_beside_a_torque_constant_is_written_as_the_motors() {
         json(&bench, "gap/report.json")
     };
     let first = diagnose("file.toml", "first.csv");
-    let factor = first["joints"][0]["motor_torque_per_recorded"].as_f64();
+    let factor = first["joints"][0]["torque"]["motor_per_recorded"].as_f64();
     assert!(
         factor.is_some_and(|factor| (factor - 0.7).abs() < 0.02),
         "{first}"

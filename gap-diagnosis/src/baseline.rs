@@ -198,7 +198,6 @@ fn told(name: &str, search: &Search<'_>, choices: Vec<Choice>) -> JointReport {
         minor_effects: Vec::new(),
         remaining_share: 1.0,
         remaining_over: Vec::new(),
-        motor_torque_per_recorded: 1.0,
-        is_by_torque_sensor: false,
+        torque: None,
     }
 }

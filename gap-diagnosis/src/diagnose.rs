@@ -170,7 +170,6 @@ pub(crate) fn insufficient(joint: &str, why: String) -> JointReport {
         remaining: Remaining::Structured,
         remaining_share: 1.0,
         remaining_over: Vec::new(),
-        motor_torque_per_recorded: 1.0,
-        is_by_torque_sensor: false,
+        torque: None,
     }
 }

@@ -307,21 +307,35 @@ pub struct JointReport {
     /// What it depends on, largest share first.
     #[serde(default)]
     pub remaining_over: Vec<RemainsOver>,
-    /// By this torques of effects and rest are multiplied to be the motor's own: the torque constant where they are as recorded.
-    #[serde(default = "one", skip_serializing_if = "is_one")]
-    pub motor_torque_per_recorded: f64,
-    /// Whether its torque is that of a sensor behind the gear: `torque_offset` and `torque_constant_error` are then the sensor's.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub is_by_torque_sensor: bool,
+    /// What was taken for its torque, where that is one signal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub torque: Option<JointTorque>,
 }
 
-fn one() -> f64 {
-    1.0
+/// What was taken for a joint's torque.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JointTorque {
+    /// Where it is from.
+    pub source: TorqueSource,
+    /// So many times as large as recorded: another than 1 is another unit.
+    pub unit: f64,
+    /// Torques of effects and rest are in newton metres as recorded; the motor's are so many times as much, by the torque constants of
+    /// file and report.
+    pub motor_per_recorded: f64,
 }
 
-#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
-fn is_one(value: &f64) -> bool {
-    *value == 1.0
+/// Where a joint's torque is taken from, the best there is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TorqueSource {
+    /// `motor_torque_nm`: what the drive reports.
+    Drive,
+    /// `command_torque_nm`: what the drive was asked for.
+    Command,
+    /// `joint_torque_nm`: a sensor behind the gear. It does not feel the rotor; `torque_offset` and `torque_constant_error` are its own.
+    Sensor,
+    /// What the robot file's controller makes of reference and position.
+    Controller,
 }
 
 /// What the rest depends on.
@@ -423,7 +437,15 @@ impl JointReport {
 
     /// Whether an effect that is named of it is its torque sensor's.
     pub fn is_of_sensor(&self, effect: &str) -> bool {
-        self.is_by_torque_sensor && OF_SENSOR.iter().any(|kind| kind.name() == effect)
+        let is_by_sensor = self
+            .torque
+            .is_some_and(|torque| torque.source == TorqueSource::Sensor);
+        is_by_sensor && OF_SENSOR.iter().any(|kind| kind.name() == effect)
+    }
+
+    /// What a newton metre of its effects is of the motor's.
+    pub fn motor_per_recorded(&self) -> f64 {
+        self.torque.map_or(1.0, |torque| torque.motor_per_recorded)
     }
 
     /// `shared_share`: what effects that several joints have take.
@@ -450,9 +472,17 @@ impl JointReport {
                 }
             }
         }
-        let factor = self.motor_torque_per_recorded;
-        if !(factor.is_finite() && factor > 0.0) {
-            return Err(wrong("motor_torque_per_recorded".to_owned(), factor));
+        if let Some(JointTorque {
+            unit,
+            motor_per_recorded,
+            ..
+        }) = self.torque
+        {
+            for (what, factor) in [("unit", unit), ("motor_per_recorded", motor_per_recorded)] {
+                if !(factor.is_finite() && factor > 0.0) {
+                    return Err(wrong(format!("{what} of its torque"), factor));
+                }
+            }
         }
         self.check_shares(shared_share, wrong)
     }

@@ -262,6 +262,8 @@ fn a_torque_in_another_unit_is_told() {
     );
     let report = told(&file, recording(time_s, signals));
     warns(&report, "times what the file's masses and friction need");
+    let unit = report.joints[0].torque.unwrap().unit;
+    assert!((0.35 * unit - 1.0).abs() < 0.02, "{unit}");
 }
 
 #[test]

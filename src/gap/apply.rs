@@ -376,7 +376,7 @@ fn effects_of(joint: &JointReport) -> Result<Vec<(&NamedEffect, Effect)>, String
                 .filter(|parameter| parameter.is_of_torque())
             {
                 if let Some(value) = own.parameters.get_mut(parameter.name) {
-                    value.value *= joint.motor_torque_per_recorded;
+                    value.value *= joint.motor_per_recorded();
                 }
             }
             Ok((found, to_effect(&own)?))

@@ -201,6 +201,7 @@ fn row(report: &Report, joint: &JointReport) -> [String; 7] {
     if !minor.is_empty() {
         effects.push(format!("minor: {}", minor.join(", ")));
     }
+    effects.extend(page::unit_taken(joint));
     let torque = &joint.gap.torque_rms_nm;
     [
         joint.joint.clone(),

@@ -221,8 +221,7 @@ impl Found<'_> {
             },
             remaining_share: shares.remaining.value,
             remaining_over,
-            motor_torque_per_recorded: 1.0,
-            is_by_torque_sensor: false,
+            torque: None,
         };
         Said {
             report,

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 use robot::{Effect, Robot, Tolerance, changed_chain};
 
 use super::motion::{JointMotion, Piece};
-use super::signals::TorqueSource;
+use crate::report::TorqueSource;
 use crate::twin::joint::JointModel;
 use crate::twin::known::{self, KnownValue, PART_MIN};
 

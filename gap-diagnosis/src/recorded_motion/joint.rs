@@ -6,11 +6,10 @@ use super::dynamics::Drive;
 use super::laws::{self, Law};
 use super::rows::JointRows;
 use super::shared::Prior;
-use super::signals::TorqueSource;
 use crate::evidence::arm::{self, Cause};
 use crate::evidence::imitation;
 use crate::evidence::{DEVIATIONS, Evidence, Fit, Item, Names, Presupposed, Problem, Scored, Span};
-use crate::report::{DataFinding, JointReport, SignalGap};
+use crate::report::{DataFinding, JointReport, JointTorque, SignalGap, TorqueSource};
 use crate::signal::band::COMPARED_HZ;
 
 /// Part of the torque that nobody can tell: torque transducers and current sensors of class 0.5 are linear to half a per cent.
@@ -261,17 +260,23 @@ impl Joint {
         })
     }
 
-    /// What a recorded newton metre is of the motor's, by the torque constants of the file and of what is told. A sensor behind the
-    /// gear measures for itself.
-    pub fn motor_torque_per_recorded(&self, told: &JointReport) -> f64 {
-        if self.source == TorqueSource::Sensor {
-            return 1.0;
-        }
+    /// What was taken for its torque, and by the torque constants of the file and of what is told what the motor's is. A sensor behind
+    /// the gear measures for itself.
+    pub fn torque(&self, told: &JointReport) -> JointTorque {
         let gains = told.named().filter_map(|found| {
             let is_gain = found.effect == EffectKind::TorqueConstantError.name();
             is_gain.then(|| found.parameters.get("gain"))?
         });
-        self.drive.model().torque_gain * gains.map(|gain| gain.value).product::<f64>()
+        let gain = self.drive.model().torque_gain * gains.map(|gain| gain.value).product::<f64>();
+        JointTorque {
+            source: self.source,
+            unit: self.unit.map_or(1.0, |unit| unit.size_nm),
+            motor_per_recorded: if self.source == TorqueSource::Sensor {
+                1.0
+            } else {
+                gain
+            },
+        }
     }
 
     /// What a reader should know of where the torque comes from.

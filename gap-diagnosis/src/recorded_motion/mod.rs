@@ -30,14 +30,13 @@ use crate::evidence::arm::Cause;
 use crate::evidence::shares::Interval;
 use crate::evidence::told::{Found, Said};
 use crate::on_all_cores::OnAllCores;
-use crate::report::{DataFinding, JointReport, JointShare, TwinKind};
+use crate::report::{DataFinding, JointReport, JointShare, TorqueSource, TwinKind};
 
 use dynamics::{Drive, Torques};
 use joint::{Joint, Searched};
 use laws::Laws;
 use motion::{Piece, Read};
 use rows::{JointRows, Sign};
-use signals::TorqueSource;
 use usable::Usable;
 
 /// Diagnoses a robot along the motion that was recorded. Effects below `materiality` are minor ones.
@@ -137,8 +136,7 @@ pub fn diagnose(
             report.data.extend(joint.note_of_unit(&file.name));
             traces.push(traces_of(&file.name, &joint.rows, &said.fit));
             let mut told = said.report;
-            told.motor_torque_per_recorded = joint.motor_torque_per_recorded(&told);
-            told.is_by_torque_sensor = joint.source == TorqueSource::Sensor;
+            told.torque = Some(joint.torque(&told));
             report.data.extend(note_of_scale(&told));
             report.data.extend(note_of_sensor(&told));
             report.joints.push(told);
@@ -164,7 +162,7 @@ pub fn diagnose(
 
 /// In which newton metres the values stand beside a torque constant.
 fn note_of_scale(told: &JointReport) -> Option<DataFinding> {
-    let factor = told.motor_torque_per_recorded;
+    let factor = told.motor_per_recorded();
     let beside = told.named().count() > 1 || !told.remaining_over.is_empty();
     (factor != 1.0 && beside).then(|| DataFinding {
         joint: Some(told.joint.clone()),

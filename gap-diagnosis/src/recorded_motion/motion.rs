@@ -7,9 +7,10 @@ use recording::grid::{Grid, pieces};
 use recording::{JointColumns, MissingSignal, Recording, Signal, noise_std};
 use robot::Robot;
 
-use super::signals::{TorqueSource, controller};
+use super::signals::controller;
 use crate::evidence::DEVIATIONS;
 use crate::on_all_cores::OnAllCores;
+use crate::report::TorqueSource;
 use crate::signal::band::{Band, COMPARED_HZ, MOTION_HZ, up_to};
 use crate::signal::smooth::{derivative, second_derivative};
 use crate::twin::stretch::{STRETCH_MIN_S, StretchError};

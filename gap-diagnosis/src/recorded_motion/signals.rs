@@ -3,18 +3,7 @@
 use recording::{JointColumns, Signal};
 use robot::{Control, ControlKind, Feedback, Feedforward, Robot};
 
-/// Where a joint's torque is taken from, the best there is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TorqueSource {
-    /// `motor_torque_nm`: what the drive reports.
-    Drive,
-    /// `command_torque_nm`: what the drive was asked for.
-    Command,
-    /// `joint_torque_nm`: a sensor behind the gear. It does not feel the rotor.
-    Sensor,
-    /// What the robot file's controller makes of reference and position.
-    Controller,
-}
+use crate::report::TorqueSource;
 
 impl TorqueSource {
     /// The recording's name of it.

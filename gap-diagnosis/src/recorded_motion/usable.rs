@@ -5,9 +5,10 @@ use recording::{Finding, FindingKind, JointColumns, Recording, Severity, Signal}
 use robot::Robot;
 
 use super::motion::Read;
-use super::signals::{self, TorqueSource};
+use super::signals;
 use crate::checks::data;
 use crate::report::DataFinding;
+use crate::report::TorqueSource;
 
 /// What is read of each joint, or why not.
 pub struct Usable {

@@ -70,7 +70,7 @@ fn table(rest: &RemainsOver, joint: &JointReport) -> Option<(Remains, TorqueTabl
         // corners that are one within the digits that are written
         if table.at.last().is_none_or(|last| *last < at) {
             table.at.push(at);
-            let own_nm = joint.motor_torque_per_recorded * torque_nm;
+            let own_nm = joint.motor_per_recorded() * torque_nm;
             table.torque_nm.push(rounded(own_nm));
         }
     }

@@ -1,6 +1,6 @@
 //! What is written loads again, says what the report says, and leaves everything else as it was.
 
-use gap_diagnosis::report::Report;
+use gap_diagnosis::report::{JointTorque, Report, TorqueSource};
 use robot::{Effect, RobotFile, Source};
 use serde_json::{Value, json};
 
@@ -84,6 +84,14 @@ fn built(text: &str) -> robot::Robot {
     file.build(Source::File("new.toml".into())).unwrap()
 }
 
+fn torque(source: TorqueSource, motor_per_recorded: f64) -> Option<JointTorque> {
+    Some(JointTorque {
+        source,
+        unit: 1.0,
+        motor_per_recorded,
+    })
+}
+
 #[test]
 fn a_change_is_added_to_the_entry_there_is_and_comments_stay() {
     let change = found(&Effect::CoulombFriction { coulomb_nm: -0.31 });
@@ -103,7 +111,7 @@ fn beside_a_torque_constant_torques_are_the_motor_s() {
         },
     ];
     let mut report = report(json!(named.each_ref().map(found)), json!([]));
-    report.joints[0].motor_torque_per_recorded = 0.8;
+    report.joints[0].torque = torque(TorqueSource::Drive, 0.8);
     let (text, _) = with_effects(ROBOT, &report).unwrap();
     let effects = &built(&text).joints[0].effects;
     assert!(effects.contains(&Effect::CoulombFriction { coulomb_nm: 2.4 }));
@@ -120,9 +128,9 @@ fn what_is_a_torque_sensor_s_is_left_out_and_said() {
     let offset = found(&Effect::TorqueOffset { offset_nm: 0.4 });
     let friction = found(&Effect::CoulombFriction { coulomb_nm: 0.5 });
     let mut alone = report(json!([offset]), json!([]));
-    alone.joints[0].is_by_torque_sensor = true;
+    alone.joints[0].torque = torque(TorqueSource::Sensor, 1.0);
     let mut beside = report(json!([offset, friction]), json!([]));
-    beside.joints[0].is_by_torque_sensor = true;
+    beside.joints[0].torque = torque(TorqueSource::Sensor, 1.0);
     let source = Source::File("bench.toml".into());
     let robot = super::RobotText {
         text: ROBOT,

@@ -108,7 +108,13 @@ fn arm(robot: &Robot, report: &Report) -> Section {
             told(percent(joint.remaining_share)).into(),
             told(number(torque.before, 3)).into(),
             told(number(torque.after, 3)).into(),
-            reason.into(),
+            unit_taken(joint)
+                .into_iter()
+                .chain([reason.to_owned()])
+                .filter(|sentence| !sentence.is_empty())
+                .collect::<Vec<String>>()
+                .join("; ")
+                .into(),
         ]);
     }
     let section = Section::new("arm", "The robot").table(table);
@@ -116,6 +122,12 @@ fn arm(robot: &Robot, report: &Report) -> Section {
         return section;
     }
     section.chain(picture(robot, report))
+}
+
+/// In which unit a joint's torque was taken, where that is not as it was recorded.
+pub fn unit_taken(joint: &JointReport) -> Option<String> {
+    let times = joint.torque.map_or(1.0, |torque| torque.unit);
+    (times != 1.0).then(|| format!("torque taken {} times as recorded", number(times, 3)))
 }
 
 /// A joint's effects, each with its share.

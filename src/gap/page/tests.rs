@@ -1,6 +1,8 @@
 //! The page says what the report says, needs no network, and stands with the least a report may hold.
 
-use gap_diagnosis::report::{BeforeAfter, Remains, RemainsOver, Report, Verdict};
+use gap_diagnosis::report::{
+    BeforeAfter, JointTorque, Remains, RemainsOver, Report, TorqueSource, Verdict,
+};
 use gap_diagnosis::{Diagnosis, JointTraces};
 use serde_json::json;
 
@@ -197,10 +199,16 @@ fn an_arm_is_told_in_one_sentence_and_a_line_a_joint_the_largest_first() {
     let mut second = report.joints[0].clone();
     second.joint = "joint2".to_owned();
     second.gap.torque_rms_nm.before = 4.0;
+    second.torque = Some(JointTorque {
+        source: TorqueSource::Drive,
+        unit: 2.86,
+        motor_per_recorded: 1.0,
+    });
     report.joints.push(second);
     let robot = robot::load("pa10").unwrap();
     let traces = Vec::new();
     let html = page(&robot, &Diagnosis { report, traces }, None).to_html();
+    assert!(html.contains("torque taken 2.86 times as recorded"));
     assert!(html.contains(
         "2 of 2 joints have a gap, the largest joint2 with 4.00 Nm rms, of which Coulomb friction 0.80 Nm is 96 %"
     ));
