@@ -251,6 +251,25 @@ fn a_reversed_torque_is_told_and_not_used() {
 }
 
 #[test]
+fn a_torque_that_may_be_reversed_is_a_warning_where_masses_do_not_tell() {
+    let log = plain();
+    let time_s = log.time_s.clone();
+    // it carries the masses, and friction drives
+    let both = log.torque_nm.iter().zip(&log.friction_nm);
+    let torque_nm: Vec<f64> = both
+        .map(|(torque, friction)| torque - 2.0 * friction)
+        .collect();
+    let motor_nm = motor_side(&torque_nm);
+    let mut signals = as_recorded(log);
+    signals[3].1 = motor_nm;
+    let report = told(&robot(""), recording(time_s, signals));
+    warns(
+        &report,
+        "motor_torque_nm may be reversed: friction would drive the joint",
+    );
+}
+
+#[test]
 fn a_torque_in_another_unit_is_told() {
     let log = plain();
     let time_s = log.time_s.clone();
@@ -396,7 +415,9 @@ fn positions_alone_are_enough_where_the_controller_is_known() {
         (Signal::ReferencePositionRad, log.reference_rad),
         (Signal::LinkPositionRad, log.position_rad),
     ];
-    is_told(&told(&known_control(), recording(log.time_s, signals)));
+    let report = told(&known_control(), recording(log.time_s, signals));
+    is_told(&report);
+    warns(&report, "the robot file states no limit");
 }
 
 #[test]

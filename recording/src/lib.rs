@@ -38,6 +38,7 @@ mod frame;
 pub mod grid;
 mod guard;
 mod guess;
+mod held;
 mod info;
 mod mapping;
 mod mcap_file;
@@ -63,7 +64,6 @@ pub use info::{JointInfo, RecordingInfo, SignalInfo, Timing, describe};
 pub use mapping::mapping_beside;
 pub use mcap_file::{McapContents, read_cycles, write_mcap};
 pub use message::{CycleRow, JointCycle, JointTruth, LoopCycle};
-pub use misread::without_misread;
 pub use parquet_table::write_parquet;
 pub use signal::Signal;
 pub use statistics::{noise_std, step};
@@ -72,12 +72,22 @@ pub use window::Window;
 pub use writer::{Header, Writer};
 
 use mapping::MappingFile;
+use std::borrow::Cow;
 use std::path::Path;
 
 /// The most joints a file may hold, so that a damaged one cannot ask for a table of any width.
 pub const JOINTS_MAX: usize = 256;
 /// The most values of a Parquet file that are read: a few bytes of it may stand for any number of equal ones.
 pub const VALUES_MAX: usize = 1 << 29;
+
+/// The recording as it was measured: without misread values, and with straight lines where values were repeated until the next one came.
+#[must_use]
+pub fn as_measured(recording: &Recording) -> Cow<'_, Recording> {
+    match misread::without_misread(recording) {
+        Cow::Borrowed(recording) => held::without_held(recording),
+        Cow::Owned(recording) => Cow::Owned(held::without_held(&recording).into_owned()),
+    }
+}
 
 /// Reads a recording or a log, with the mapping file beside it if there is one: `NAME.mapping.toml` for `NAME.csv`, or
 /// `NAME.toml` unless that is a robot file. What it is is told by its first bytes, then by its name: MCAP (ours, or of

@@ -58,8 +58,7 @@ fn of_joint(joint: &JointColumns) -> impl Iterator<Item = (Signal, Vec<usize>)> 
 }
 
 /// The recording without values in misread rows.
-#[must_use]
-pub fn without_misread(recording: &Recording) -> Cow<'_, Recording> {
+pub(crate) fn without_misread(recording: &Recording) -> Cow<'_, Recording> {
     let mut whole = Cow::Borrowed(recording);
     for (index, joint) in recording.joints.iter().enumerate() {
         for (signal, rows) in of_joint(joint) {

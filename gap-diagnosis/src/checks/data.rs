@@ -1,7 +1,7 @@
 //! What is checked before anything is computed: whether the data are what the robot file says, and what they support.
 
 use recording::{
-    CheckJoint, CheckRobot, Finding, FindingKind, Recording, Severity, check, without_misread,
+    CheckJoint, CheckRobot, Finding, FindingKind, Recording, Severity, as_measured, check,
 };
 use robot::{Effect, Robot, RobotJoint};
 
@@ -21,7 +21,7 @@ pub fn findings(robot: &Robot, recording: &Recording) -> Vec<Finding> {
     if findings.iter().any(is_wrong) {
         return findings;
     }
-    let recording = &*without_misread(recording);
+    let recording = &*as_measured(recording);
     let mut more = units::check(robot, recording);
     // a joint of which something is wrong already is told that
     more.retain(|finding| {

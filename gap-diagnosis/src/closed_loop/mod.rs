@@ -21,7 +21,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use crate::twin::TwinError;
-use recording::{Recording, without_misread};
+use recording::{Recording, as_measured};
 use robot::Robot;
 
 use crate::checks::data::{Checked, ONE_FREQUENCY};
@@ -501,7 +501,7 @@ pub fn diagnose(
         return Err(DiagnoseError::Nothing);
     }
     let checked = Checked::of(robot, &tables);
-    let whole: Vec<Cow<Recording>> = tables.iter().map(|table| without_misread(table)).collect();
+    let whole: Vec<Cow<Recording>> = tables.iter().map(|table| as_measured(table)).collect();
     let tables: Vec<&Recording> = whole.iter().map(AsRef::as_ref).collect();
     let against: Vec<Option<String>> = robot
         .joints

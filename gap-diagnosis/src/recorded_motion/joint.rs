@@ -1,6 +1,6 @@
 //! One joint as it is regressed: its rows, what may be named of it, and which names are.
 
-use robot::EffectKind;
+use robot::{EffectKind, RobotJoint};
 
 use super::dynamics::Drive;
 use super::laws::{self, Law};
@@ -280,9 +280,9 @@ impl Joint {
     }
 
     /// What a reader should know of where the torque comes from.
-    pub fn notes(&self, name: &str) -> Vec<DataFinding> {
+    pub fn notes(&self, file: &RobotJoint) -> Vec<DataFinding> {
         let note = |severity: &str, what: String, remedy: &str| DataFinding {
-            joint: Some(name.to_owned()),
+            joint: Some(file.name.clone()),
             severity: severity.to_owned(),
             what,
             remedy: remedy.to_owned(),
@@ -309,6 +309,18 @@ impl Joint {
                 "",
             )),
             TorqueSource::Drive | TorqueSource::Command => {}
+        }
+        if self.source == TorqueSource::Controller && file.torque_limit_nm.is_none() {
+            let torque_nm = self.rows.seen.measured_nm.iter();
+            let largest_nm = torque_nm.fold(0.0, |most: f64, nm| most.max(nm.abs()));
+            notes.push(note(
+                "warning",
+                format!(
+                    "its drive is taken to give whatever the controller asks for, {largest_nm:.3} Nm at the joint at most: the robot file \
+                     states no limit"
+                ),
+                "add torque_limit_nm, of the motor, to its [[joint]]",
+            ));
         }
         if let Some(command_nm) = &self.rows.command_nm {
             let rms = |of: &dyn Fn(usize) -> f64| {

@@ -19,7 +19,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use recording::{Recording, Signal, without_misread};
+use recording::{Recording, Signal, as_measured};
 use robot::{EffectKind, Robot};
 
 use crate::diagnose::{
@@ -55,7 +55,7 @@ pub fn diagnose(
     report.twin = TwinKind::FollowsMotion;
     let mut usable = Usable::of(robot, &tables);
     report.data.extend(usable.findings.iter().cloned());
-    let whole: Vec<Cow<Recording>> = tables.iter().map(|table| without_misread(table)).collect();
+    let whole: Vec<Cow<Recording>> = tables.iter().map(|table| as_measured(table)).collect();
     let tables: Vec<&Recording> = whole.iter().map(AsRef::as_ref).collect();
     let mut traces = Vec::new();
     if usable.against.iter().any(Option::is_none) {
@@ -79,6 +79,9 @@ pub fn diagnose(
                     "nothing tells its sign, and wherever something does the torque is reversed",
                 ),
                 Sign::Right | Sign::Untold => {
+                    if *sign == Sign::Untold {
+                        report.data.extend(usable.doubts(name));
+                    }
                     of_right_sign.push(joint);
                     continue;
                 }
@@ -132,7 +135,7 @@ pub fn diagnose(
                 };
                 of_joints.insert(file.name.clone(), share);
             }
-            report.data.extend(joint.notes(&file.name));
+            report.data.extend(joint.notes(file));
             report.data.extend(joint.note_of_unit(&file.name));
             traces.push(traces_of(&file.name, &joint.rows, &said.fit));
             let mut told = said.report;

@@ -18,6 +18,8 @@ pub struct Usable {
     pub against: Vec<Option<String>>,
     /// What a reader of the report should know.
     pub findings: Vec<DataFinding>,
+    /// Torques whose sign is in doubt, for who looks at them along the motion.
+    doubted: Vec<Finding>,
 }
 
 impl Usable {
@@ -28,21 +30,42 @@ impl Usable {
             read: Vec::new(),
             against: Vec::new(),
             findings: Vec::new(),
+            doubted: Vec::new(),
         };
         for joint in &robot.joints {
             usable.add(robot, &joint.name, recordings, &found);
         }
         usable.without_places(robot, &found);
         let used = |finding: &Finding| usable.uses(robot, finding);
-        // a sign in doubt is looked at along the motion
+        let is_doubt = |finding: &&Finding| is_of_sign(finding) && used(finding);
+        let doubted: Vec<Finding> = found.iter().filter(is_doubt).cloned().collect();
         let decided = found
             .iter()
-            .filter(|finding| !is_of_sign(finding) || !used(finding))
+            .filter(|finding| !is_doubt(finding))
             .filter(|finding| !usable.is_made_up_for(robot, finding));
         let told = decided.map(|finding| reported(finding, used(finding)));
         let told: Vec<DataFinding> = told.collect();
         usable.findings.extend(told);
+        usable.doubted = doubted;
         usable
+    }
+
+    /// What is told of a joint's torque where masses and friction do not tell its sign.
+    pub fn doubts(&self, joint: &str) -> impl Iterator<Item = DataFinding> {
+        let of_joint = |finding: &&Finding| finding.joint.as_deref() == Some(joint);
+        self.doubted
+            .iter()
+            .filter(of_joint)
+            .map(|finding| DataFinding {
+                joint: finding.joint.clone(),
+                severity: "warning".to_owned(),
+                what: format!(
+                    "{} may be {}",
+                    finding.signal.map_or("", Signal::name),
+                    finding.what
+                ),
+                remedy: format!("if it is, {}", finding.remedy),
+            })
     }
 
     /// Whether it misses a torque that the controller tells.

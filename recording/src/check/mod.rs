@@ -13,9 +13,9 @@ mod torque;
 
 pub use motion::STILL_RAD;
 
-use crate::misread;
 use crate::statistics::span;
 use crate::{JointColumns, Recording, Signal};
+use crate::{as_measured, held, misread};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -63,6 +63,8 @@ pub enum FindingKind {
     StuckSignal,
     /// A position leaps away and back.
     Misread,
+    /// Values are repeated until the next ones come.
+    Held,
     /// Neither encoder.
     NoPosition,
     /// Nothing tells the torque.
@@ -159,7 +161,8 @@ impl CheckRobot {
 pub fn check(recording: &Recording, robot: Option<&CheckRobot>) -> Vec<Finding> {
     let mut findings = timing::check(recording);
     findings.extend(misread::check(recording));
-    let recording = &*misread::without_misread(recording);
+    findings.extend(held::check(recording));
+    let recording = &*as_measured(recording);
     if recording.rows() >= timing::ROWS_MIN {
         findings.extend(swap::check(recording));
         let of_robot = |joint: &JointColumns| robot.and_then(|robot| robot.joint(&joint.name));
