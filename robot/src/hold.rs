@@ -51,6 +51,7 @@ impl Robot {
                 name: self.joints[index].name.clone(),
                 position: 0.0,
                 mimics: None,
+                leader_moves: false,
             })
             .collect();
         notes.extend(note_of_held(&held));

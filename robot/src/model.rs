@@ -176,6 +176,10 @@ impl Model {
                         name: joint.drive.name.clone(),
                         position,
                         mimics: joint.mimic.as_ref().map(|mimic| mimic.joint.clone()),
+                        leader_moves: joint
+                            .mimic
+                            .as_ref()
+                            .is_some_and(|mimic| wanted(&mimic.joint)),
                     });
                     Movement::Held(joint.kind, joint.axis, position)
                 }
@@ -277,11 +281,17 @@ pub struct HeldJoint {
     /// rad or m.
     pub position: f64,
     pub mimics: Option<String>,
+    /// It would move with it, and does not.
+    pub leader_moves: bool,
 }
 
 /// What holds are worth a note, all in one.
 pub fn note_of_held(held: &[HeldJoint]) -> Option<String> {
     let one = |joint: &HeldJoint| match &joint.mimics {
+        Some(leader) if joint.leader_moves => format!(
+            "`{}` at {} (mimics `{leader}`, which moves: its mass stays there)",
+            joint.name, joint.position
+        ),
         Some(leader) => format!("`{}` at {} (mimics `{leader}`)", joint.name, joint.position),
         None => format!("`{}` at {}", joint.name, joint.position),
     };

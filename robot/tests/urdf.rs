@@ -266,7 +266,7 @@ fn a_urdf_is_a_robot() {
                 format!(
                     "{place}, line 17, gazebo in robot `two_arms`: <gazebo> is not read, 2 times"
                 ),
-                "held, as part of what carries them: `finger2` at 0.01 (mimics `finger`)"
+                "held, as part of what carries them: `finger2` at 0.01 (mimics `finger`, which moves: its mass stays there)"
                     .to_owned(),
             ]
         );
