@@ -334,18 +334,34 @@ name = "slide"
             90.0 * at.a + friction + 5.0 * at.noise_nm
         );
     }
-    let bench = bench("axis", &[("axis_robot.toml", robot), ("axis.csv", &log)]);
-    let (_, joint) = diagnosed(&bench, "axis_robot.toml", "axis.csv");
-    near(
-        value(&joint, "viscous_friction", "viscous_nm_s_rad"),
-        200.0,
-        20.0,
+    let slides = robot.replace(
+        "joint = \"slide\"",
+        "joint = \"slide\"\nkind = \"prismatic\"",
     );
-    near(value(&joint, "coulomb_friction", "coulomb_nm"), 20.0, 2.0);
-    assert!(
-        !names(&joint).contains(&"structural_damping".to_owned()),
-        "{joint}"
-    );
+    let files = [
+        ("axis_robot.toml", robot),
+        ("slide_robot.toml", &slides),
+        ("axis.csv", &log),
+    ];
+    let bench = bench("axis", &files);
+    for (file, has_units) in [("axis_robot.toml", false), ("slide_robot.toml", true)] {
+        let (told, joint) = diagnosed(&bench, file, "axis.csv");
+        near(
+            value(&joint, "viscous_friction", "viscous_nm_s_rad"),
+            200.0,
+            20.0,
+        );
+        near(value(&joint, "coulomb_friction", "coulomb_nm"), 20.0, 2.0);
+        assert!(
+            !names(&joint).contains(&"structural_damping".to_owned()),
+            "{joint}"
+        );
+        assert_eq!(
+            told.contains("it slides: read N for Nm"),
+            has_units,
+            "{told}"
+        );
+    }
 }
 
 #[test]

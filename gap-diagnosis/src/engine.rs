@@ -1,5 +1,6 @@
 //! Which twin a diagnosis compares the robot with, and how it is asked.
 
+use joint_model::rigid_body::JointKind;
 use recording::{Recording, Signal};
 use robot::{Robot, RobotJoint};
 
@@ -100,5 +101,18 @@ pub fn diagnose(
         remedy: String::new(),
     });
     diagnosis.report.data.extend(of_file);
+    diagnosis.report.data.extend(of_linear(robot));
     Ok(diagnosis)
+}
+
+/// How the values of joints that slide are read.
+fn of_linear(robot: &Robot) -> impl Iterator<Item = DataFinding> {
+    let joints = robot.joints.iter().zip(robot.chain.links());
+    let linear = joints.filter(|(_, link)| link.kind == JointKind::Prismatic);
+    linear.map(|(joint, _)| DataFinding {
+        joint: Some(joint.name.clone()),
+        severity: "note".to_owned(),
+        what: "it slides: read N for Nm, m for rad, N s/m for Nm s/rad and kg for kg m²".to_owned(),
+        remedy: String::new(),
+    })
 }
