@@ -29,6 +29,24 @@ const WEIGHT_MIN: f64 = 1e-3;
 /// Nats to the unit of log odds in which probabilities are stated.
 pub const TEMPERATURE: f64 = 1.0;
 
+/// What decided a verdict, where the effects do not show it. `taken`, `left`: parts of the gap that names take and leave.
+fn reason(verdict: Verdict, has_names: bool, [taken, left]: [f64; 2]) -> String {
+    let names_take = |limit: f64| {
+        let [taken, limit] = [taken.max(0.0), limit].map(|share| 100.0 * share);
+        format!("the names take {taken:.0} % of the gap, less than {limit:.0} %")
+    };
+    match verdict {
+        Verdict::PartlyExplained if taken >= EXPLAINED => format!(
+            "some of the {:.1} % that the names leave follows a law on no list",
+            100.0 * left.max(0.0)
+        ),
+        Verdict::PartlyExplained => names_take(EXPLAINED),
+        Verdict::Unexplained if has_names => names_take(PARTLY),
+        Verdict::Unexplained => "no name takes a part of the gap for certain".to_owned(),
+        _ => String::new(),
+    }
+}
+
 /// What the items of a joint's evidence are called.
 pub trait Called: Sync {
     /// How many there are.
@@ -207,7 +225,7 @@ impl Found<'_> {
         let report = JointReport {
             joint: self.joint.to_owned(),
             verdict,
-            reason: String::new(),
+            reason: reason(verdict, has_names, [taken, shares.remaining.value]),
             place: self.place(&effects, &gap_nm, &remaining_over),
             effects,
             minor_effects,
