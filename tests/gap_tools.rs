@@ -160,17 +160,23 @@ fn pendulum_log(sines: [[f64; 2]; 3], unlisted_nm: f64, gain: f64) -> String {
     log
 }
 
-#[test]
-fn what_has_no_name_is_written_as_a_table_and_shrinks_the_gap_on_another_motion() {
-    let bench = bench("remaining");
+/// Its file, and its logs on one motion and on another.
+fn pendulum_on_two_motions(name: &str, unlisted_nm: f64, gain: f64) -> Bench {
+    let bench = bench(name);
     fs::write(bench.file("file.toml"), PENDULUM).unwrap();
     let motions = [
         ("first.csv", [[0.21, 0.6], [0.37, 0.25], [0.73, 0.1]]),
         ("other.csv", [[0.17, 0.5], [0.43, 0.3], [0.61, 0.12]]),
     ];
-    for (name, sines) in motions {
-        fs::write(bench.file(name), pendulum_log(sines, 1.5, 1.0)).unwrap();
+    for (log, sines) in motions {
+        fs::write(bench.file(log), pendulum_log(sines, unlisted_nm, gain)).unwrap();
     }
+    bench
+}
+
+#[test]
+fn what_has_no_name_is_written_as_a_table_and_shrinks_the_gap_on_another_motion() {
+    let bench = pendulum_on_two_motions("remaining", 1.5, 1.0);
     let diagnose = |robot: &str, recording: &str| {
         flexspline(
             &bench,
@@ -199,15 +205,7 @@ fn what_has_no_name_is_written_as_a_table_and_shrinks_the_gap_on_another_motion(
 
 #[test]
 fn friction_beside_a_torque_constant_is_written_as_the_motors() {
-    let bench = bench("constant");
-    fs::write(bench.file("file.toml"), PENDULUM).unwrap();
-    let motions = [
-        ("first.csv", [[0.21, 0.6], [0.37, 0.25], [0.73, 0.1]]),
-        ("other.csv", [[0.17, 0.5], [0.43, 0.3], [0.61, 0.12]]),
-    ];
-    for (name, sines) in motions {
-        fs::write(bench.file(name), pendulum_log(sines, 0.0, 0.7)).unwrap();
-    }
+    let bench = pendulum_on_two_motions("constant", 0.0, 0.7);
     let diagnose = |robot: &str, recording: &str| {
         let command = "gap diagnose --out gap --robot";
         flexspline(

@@ -24,7 +24,6 @@ const SMALL: f64 = 0.1;
 const STEPS: f64 = 1.5;
 /// Fewer changes tell nothing: half of them is a count within a seventh, by its deviation.
 const CHANGES_MIN: usize = 50;
-
 /// Part of the values that stay, where they are repeated: of lost samples, one in three at most.
 const NEARLY_ALL: f64 = 0.75;
 
