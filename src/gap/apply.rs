@@ -368,20 +368,23 @@ fn effects_of(joint: &JointReport) -> Result<Vec<(&NamedEffect, Effect)>, String
     let named = joint.named();
     let named = named.filter(|found| !joint.is_of_sensor(&found.effect));
     named
-        .map(|found| {
-            let mut own = found.clone();
-            for parameter in EffectKind::named(&found.effect)
-                .map_or(&[][..], EffectKind::parameters)
-                .iter()
-                .filter(|parameter| parameter.is_of_torque())
-            {
-                if let Some(value) = own.parameters.get_mut(parameter.name) {
-                    value.value *= joint.motor_per_recorded();
-                }
-            }
-            Ok((found, to_effect(&own)?))
-        })
+        .map(|found| Ok((found, at_motor(joint, found)?)))
         .collect()
+}
+
+/// A joint's effect with the values found, in the motor's newton metres.
+///
+/// # Errors
+/// Which parameter is missing or unknown.
+pub fn at_motor(joint: &JointReport, found: &NamedEffect) -> Result<Effect, String> {
+    let mut own = found.clone();
+    let parameters = EffectKind::named(&found.effect).map_or(&[][..], EffectKind::parameters);
+    for parameter in parameters.iter().filter(|of| of.is_of_torque()) {
+        if let Some(value) = own.parameters.get_mut(parameter.name) {
+            value.value *= joint.motor_per_recorded();
+        }
+    }
+    to_effect(&own)
 }
 
 /// The effect with the values found. A point's coordinates are parameters of their own.

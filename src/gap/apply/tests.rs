@@ -47,7 +47,7 @@ pub fn report(effects: Value, shared: Value) -> Report {
 }
 
 /// An effect as a report has it, from how a robot file has it.
-fn found(effect: &Effect) -> Value {
+pub fn found(effect: &Effect) -> Value {
     let Value::Object(fields) = serde_json::to_value(effect).unwrap() else {
         panic!("an effect is an object");
     };

@@ -8,7 +8,7 @@ use robot::{Effect, Robot};
 
 use crate::cli::GapSuggestArguments;
 use crate::error::CliError;
-use crate::gap::apply::{read_report, to_effect};
+use crate::gap::apply::{at_motor, read_report, to_effect};
 
 /// Two effects at a joint, and how large either would be, where that is known.
 #[derive(Clone, Debug, PartialEq)]
@@ -102,14 +102,15 @@ pub fn of_report(report: &Report, name: &str, robot: &Robot) -> Result<Vec<Quest
 
 /// An effect as the report has it at a joint.
 fn size(report: &Report, joint: &JointReport, effect: &str) -> Result<Option<Effect>, String> {
-    let shared = report.shared_effects.iter().map(|shared| &shared.effect);
-    joint
-        .effects
-        .iter()
-        .chain(shared)
-        .find(|named| named.effect == effect)
-        .map(to_effect)
-        .transpose()
+    let own = joint.effects.iter().find(|named| named.effect == effect);
+    let of_arm = || {
+        let mut shared = report.shared_effects.iter().map(|shared| &shared.effect);
+        shared.find(|named| named.effect == effect)
+    };
+    match own {
+        Some(named) => at_motor(joint, named).map(Some),
+        None => of_arm().map(to_effect).transpose(),
+    }
 }
 
 /// Every two effects of a joint are a pair.
@@ -138,4 +139,37 @@ fn of_file(path: &Path, robot: &Robot) -> Result<Vec<Question>, CliError> {
         )));
     }
     Ok(found)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+mod tests {
+    use gap_diagnosis::report::{JointTorque, TorqueSource};
+    use robot::{RobotFile, Source};
+    use serde_json::json;
+
+    use super::*;
+    use crate::gap::apply::tests::{ROBOT, found, report};
+
+    #[test]
+    fn what_is_rehearsed_is_as_large_as_at_the_motor() {
+        let file = RobotFile::parse(ROBOT, "bench.toml").unwrap();
+        let robot = file.build(Source::File("bench.toml".into())).unwrap();
+        let recorded = Effect::CoulombFriction { coulomb_nm: 0.5 };
+        let mut report = report(json!([found(&recorded)]), json!([]));
+        let joint = &mut report.joints[0];
+        joint.torque = Some(JointTorque {
+            source: TorqueSource::Drive,
+            unit: 1.0,
+            motor_per_recorded: 0.8,
+        });
+        let pair = json!({
+            "effects": ["coulomb_friction", "torque_offset"], "distance": 1.0, "reason": ""
+        });
+        joint.confusable = vec![serde_json::from_value(pair).unwrap()];
+        let questions = of_report(&report, "report", &robot).unwrap();
+        let pairs: Vec<Pair> = questions[0].pairs().collect();
+        assert_eq!(pairs.len(), 1);
+        assert_eq!(pairs[0].effect, Effect::CoulombFriction { coulomb_nm: 0.4 });
+    }
 }
