@@ -155,6 +155,16 @@ pub fn summary(report: &Report, beside: &str, out: Option<&Path>) -> String {
         rows.add_row(row(report, joint));
     }
     let _ = writeln!(text, "{rows}");
+    for joint in &report.joints {
+        if matches!(
+            joint.verdict,
+            Verdict::Unexplained | Verdict::InsufficientData
+        ) {
+            let (name, reason) = (&joint.joint, &joint.reason);
+            let verdict = verdict_in_words(joint.verdict);
+            let _ = writeln!(text, "{name}: {verdict}: {reason}");
+        }
+    }
     text += beside;
     for (finding, joints) in told_once(&report.data) {
         let on = if joints.len() < 2 {

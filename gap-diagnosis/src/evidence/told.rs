@@ -12,7 +12,7 @@ use super::{DEVIATIONS, ERRORS, Evidence, Fit, NAME_NATS, Names, Scored};
 use crate::effects::numbers::{numbers, side};
 use crate::report::{
     BandShare, BeforeAfter, Candidate, Confusable, Gap, JointReport, NamedEffect, Parameter,
-    Regime, Remaining, RemainsOver, SignalGap, Verdict, Where,
+    Regime, Remaining, Remains, RemainsOver, SignalGap, Verdict, Where,
 };
 use robot::Stage;
 
@@ -29,8 +29,9 @@ const WEIGHT_MIN: f64 = 1e-3;
 /// Nats to the unit of log odds in which probabilities are stated.
 pub const TEMPERATURE: f64 = 1.0;
 
-/// What decided a verdict, where the effects do not show it. `taken`, `left`: parts of the gap that names take and leave.
-fn reason(verdict: Verdict, has_names: bool, [taken, left]: [f64; 2]) -> String {
+/// What decided a verdict, where the effects do not show it. `taken`, `left`: parts of the gap that names take and leave. `drives`: whether
+/// what is left depends on the velocity and goes with it.
+fn reason(verdict: Verdict, has_names: bool, [taken, left]: [f64; 2], drives: bool) -> String {
     let names_take = |limit: f64| {
         let [taken, limit] = [taken.max(0.0), limit].map(|share| 100.0 * share);
         format!("the names take {taken:.0} % of the gap, less than {limit:.0} %")
@@ -41,6 +42,9 @@ fn reason(verdict: Verdict, has_names: bool, [taken, left]: [f64; 2]) -> String 
             100.0 * left.max(0.0)
         ),
         Verdict::PartlyExplained => names_take(EXPLAINED),
+        Verdict::Unexplained if drives => "what is left drives the joint the more the faster it moves, which no friction does: the torque's \
+                                           sign, or a friction compensation of the drive"
+            .to_owned(),
         Verdict::Unexplained if has_names => names_take(PARTLY),
         Verdict::Unexplained => "no name takes a part of the gap for certain".to_owned(),
         _ => String::new(),
@@ -200,7 +204,8 @@ impl Found<'_> {
             .is_at_floor
             .unwrap_or(remaining_over.is_empty() && left <= self.materiality * torque);
         let candidates = self.candidates(&weights, &shares, is_quiet);
-        let taken: f64 = effects.iter().map(|effect| effect.share).sum::<f64>()
+        let named = effects.iter().chain(&minor_effects);
+        let taken: f64 = named.map(|effect| effect.share).sum::<f64>()
             + shared.iter().map(|shared| shared.value).sum::<f64>();
         let gap = self.gap(&best, &shares, &gap_nm, nothing);
         let has_names = !effects.is_empty() || shared.iter().any(|s| s.value >= self.materiality);
@@ -222,10 +227,15 @@ impl Found<'_> {
         } else {
             Verdict::Unexplained
         };
+        let over_velocity = remaining_over
+            .iter()
+            .any(|rest| rest.over == Remains::Velocity);
+        let power = rest_nm.iter().zip(&self.rows.velocity_rad_s);
+        let drives = over_velocity && power.map(|(nm, v)| nm * v).sum::<f64>() < 0.0;
         let report = JointReport {
             joint: self.joint.to_owned(),
             verdict,
-            reason: reason(verdict, has_names, [taken, shares.remaining.value]),
+            reason: reason(verdict, has_names, [taken, shares.remaining.value], drives),
             place: self.place(&effects, &gap_nm, &remaining_over),
             effects,
             minor_effects,

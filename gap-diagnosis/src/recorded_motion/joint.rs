@@ -1,11 +1,12 @@
 //! One joint as it is regressed: its rows, what may be named of it, and which names are.
 
-use robot::{EffectKind, RobotJoint};
+use robot::{EffectKind, Robot};
 
 use super::dynamics::Drive;
 use super::laws::{self, Law};
 use super::rows::JointRows;
 use super::shared::Prior;
+use super::signals::controller;
 use crate::evidence::arm::{self, Cause};
 use crate::evidence::imitation;
 use crate::evidence::{DEVIATIONS, Evidence, Fit, Item, Names, Presupposed, Problem, Scored, Span};
@@ -64,6 +65,19 @@ impl Searched {
         let independent = rows(self).min(rows(other));
         0.5 * independent * (unit_nm.powi(2) * others.0 / own.0).ln() + others.1 - own.1
     }
+}
+
+/// What a reference that comes late looks like where the torque is the controller's.
+fn late_reference(robot: &Robot, joint: usize) -> String {
+    let late_s = 0.01;
+    let stiffness = controller(robot).map(|of| of.proportional_nm_rad[joint]);
+    stiffness.map_or_else(String::new, |stiffness| {
+        format!(
+            "; a reference that reaches the drive {:.0} ms after its row looks like viscous friction of {:.3} Nm s/rad",
+            1e3 * late_s,
+            stiffness * late_s
+        )
+    })
 }
 
 impl Joint {
@@ -280,7 +294,8 @@ impl Joint {
     }
 
     /// What a reader should know of where the torque comes from.
-    pub fn notes(&self, file: &RobotJoint) -> Vec<DataFinding> {
+    pub fn notes(&self, robot: &Robot) -> Vec<DataFinding> {
+        let file = &robot.joints[self.index];
         let note = |severity: &str, what: String, remedy: &str| DataFinding {
             joint: Some(file.name.clone()),
             severity: severity.to_owned(),
@@ -299,12 +314,13 @@ impl Joint {
             TorqueSource::Controller => notes.push(note(
                 "note",
                 format!(
-                    "its torque is what the robot file's controller makes of reference and position; no torque was measured{}",
+                    "its torque is what the robot file's controller makes of reference and position; no torque was measured{}{}",
                     if self.rows.feeds_rate {
                         ""
                     } else {
                         ", and it leaves less where the controller brakes the whole velocity, not its difference from the reference's"
                     },
+                    late_reference(robot, self.index),
                 ),
                 "",
             )),

@@ -135,7 +135,7 @@ pub fn diagnose(
                 };
                 of_joints.insert(file.name.clone(), share);
             }
-            report.data.extend(joint.notes(file));
+            report.data.extend(joint.notes(robot));
             report.data.extend(joint.note_of_unit(&file.name));
             traces.push(traces_of(&file.name, &joint.rows, &said.fit));
             let mut told = said.report;
