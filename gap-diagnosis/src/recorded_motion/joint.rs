@@ -184,6 +184,9 @@ impl Joint {
             |item| rows.laws[item].0,
             |law| law.limits(model, rows.speed_rad_s, rows.inertia_kg_m2),
             |velocity_rad_s| model.friction.drag_nm(velocity_rad_s, 0.0, 0.0, 0.0),
+            self.drive
+                .rubs_unmeasured()
+                .then_some(model.friction.coulomb.coulomb_nm),
             rows.speed_rad_s,
         )
     }
@@ -193,6 +196,10 @@ impl Joint {
     /// every set.
     pub fn alone(&mut self) -> Searched {
         let alone = self.searched(None);
+        // what is reckoned from the file's own gains has the file's unit
+        if self.source == TorqueSource::Controller {
+            return alone;
+        }
         let Some((other, searched, size_nm)) = self.in_other_unit() else {
             return alone;
         };
@@ -269,7 +276,9 @@ impl Joint {
                 size_nm.recip()
             ),
             remedy: format!(
-                "in the mapping file, [joint.{name}], {signal}: check its scale (amperes, per cent, gear side)"
+                "in the mapping file, [joint.{name}], {signal}: check its scale (amperes, per cent, gear side); if that is right, the file's \
+                 masses are {:.2} times the robot's",
+                size_nm
             ),
         })
     }

@@ -9,6 +9,7 @@ use super::laws::{Along, Law};
 use super::motion::{JointMotion, Piece};
 use super::presliding::{self, Presliding};
 use crate::evidence::rows::Rows;
+use crate::evidence::told::MATERIALITY;
 use crate::report::TorqueSource;
 use crate::signal::band::{Band, MOTION_HZ};
 use crate::signal::smooth::derivative;
@@ -24,8 +25,6 @@ const USUAL: f64 = 0.95;
 /// Standard deviation of the time by which torque and position may be apart beside a sample, in seconds: filters of usual drives and
 /// torque sensors delay by 1 to 3 ms. No file tells it, and it is no effect.
 const CLOCK_S: f64 = 2e-3;
-/// Part of the measured torque that the file must need for its scale to be looked at.
-const CARRIES: f64 = 1e-3;
 
 /// Rows of one joint, all of one length.
 #[derive(Clone, Debug, Default)]
@@ -185,8 +184,9 @@ impl JointRows {
             rows.add(&drive, piece, torques, joint, &kept)?;
         }
         rows.tolerated = that_count(std::mem::take(&mut rows.tolerated));
-        let rms = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>().sqrt();
-        if rms(&rows.seen.nominal_nm) < CARRIES * rms(&rows.seen.measured_nm) {
+        // a torque of which the file needs next to nothing tells nothing of its scale
+        let square = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>();
+        if square(&rows.seen.nominal_nm) < MATERIALITY * square(&rows.seen.measured_nm) {
             rows.laws
                 .retain(|(law, _)| !matches!(law, Law::LoadDependent | Law::TorqueConstant));
         }
