@@ -43,6 +43,11 @@ fn told(effects: Vec<Effect>) -> Report {
 /// What is said along sines: the torque that the real robot needs, friction of 2 Nm at every joint, and noise, each joint's torque times a
 /// factor.
 fn told_of(real: &Robot, factors: [f64; 3]) -> Report {
+    told_when(real, |joint, torque_nm, _| factors[joint] * torque_nm)
+}
+
+/// The same with what is recorded of each joint's torque, by its velocity.
+fn told_when(real: &Robot, recorded_nm: impl Fn(usize, f64, f64) -> f64) -> Report {
     let robot = robot();
     let chain = real.loaded_chain().unwrap();
     let waves = [[0.7, 0.9], [0.5, 1.3], [0.8, 1.1]];
@@ -67,7 +72,7 @@ fn told_of(real: &Robot, factors: [f64; 3]) -> Report {
             let noise = (seed >> 33) as f64 / f64::from(1_u32 << 30) - 1.0;
             column[0].push(motion[0][joint]);
             let torque_nm = torque_nm[joint] + 2.0 * motion[1][joint].signum() + 0.2 * noise;
-            column[1].push(factors[joint] * torque_nm);
+            column[1].push(recorded_nm(joint, torque_nm, motion[1][joint]));
         }
     }
     let joints = JOINTS
@@ -202,6 +207,33 @@ fn inertia_of_a_link_is_felt_as_the_link_turns_in_space() {
     let found = named.unwrap().parameters["inertia_kg_m2"].value;
     assert!((found / inertia_kg_m2 - 1.0).abs() < 0.1, "{found}");
     assert!(report.shared_effects.is_empty());
+}
+
+#[test]
+fn a_joint_that_nothing_explains_has_no_voice_in_what_the_arm_carries() {
+    let payload = Effect::Payload {
+        mass_kg: 1.5,
+        centre_m: [0.0, 0.05, 0.3],
+    };
+    let real = Robot {
+        shared_effects: vec![payload],
+        ..robot()
+    };
+    // a drive that compensates more friction than there is
+    let compensated = |joint: usize, torque_nm: f64, velocity_rad_s: f64| {
+        if joint == 0 {
+            torque_nm + 5.0 * velocity_rad_s.signum() - 40.0 * velocity_rad_s
+        } else {
+            torque_nm
+        }
+    };
+    let report = told_when(&real, compensated);
+    let base = &report.joints[0];
+    assert_eq!(base.verdict, Verdict::Unexplained);
+    assert!(base.reason.contains("drives the joint"), "{}", base.reason);
+    let shared = &report.shared_effects;
+    let mass_kg = shared[0].effect.parameters["mass_kg"].value;
+    assert!((mass_kg - 1.5).abs() < 0.1, "{mass_kg}");
 }
 
 #[test]

@@ -137,7 +137,7 @@ impl<'a> Joint<'a> {
     }
 
     fn weighed(&self, about: About, of_arm: Option<&OfArm>) -> Explained {
-        let evidence = about.evidence(&self.compared, of_arm, Evidence::of);
+        let evidence = about.evidence(&self.compared, of_arm);
         let sets = evidence.best(|fit| about.is_possible(&self.search, fit));
         Explained {
             about,

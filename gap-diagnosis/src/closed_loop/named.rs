@@ -36,7 +36,7 @@ pub fn shrink(
     let joint = Joint::of(joint, &twin, counted, name, &Repeated::among(&[]), None)?;
     let mut about = About::of(&joint.search, &joint.compared, &joint.start())?;
     for _ in 0..ROUNDS {
-        let evidence = about.evidence(&joint.compared, None, Evidence::of);
+        let evidence = about.evidence(&joint.compared, None);
         let start = about.told(
             &joint.search,
             &evidence.fit(best_of(&about, &evidence, names)),
@@ -46,7 +46,7 @@ pub fn shrink(
         let fitted = refined(&joint.search, &joint.compared, &worth, known, &start)?;
         about = About::of(&joint.search, &joint.compared, &fitted.model)?;
     }
-    let evidence = about.evidence(&joint.compared, None, Evidence::of);
+    let evidence = about.evidence(&joint.compared, None);
     let left = evidence.mean_squares(best_of(&about, &evidence, names));
     let gap_nm = joint.search.residual_nm(&Model::default())?;
     Ok(Some(joint.shrink(&joint.compared.pick(&gap_nm), left[0])))

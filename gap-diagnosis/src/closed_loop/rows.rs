@@ -225,13 +225,8 @@ impl About {
     }
 
     /// The evidence, beside what the arm shares.
-    pub fn evidence<R>(
-        &self,
-        compared: &Compared,
-        of_arm: Option<&OfArm>,
-        of: impl FnOnce(&Problem<'_>) -> R,
-    ) -> R {
-        of(&Problem {
+    pub fn evidence(&self, compared: &Compared, of_arm: Option<&OfArm>) -> Evidence {
+        Evidence::of(&Problem {
             gap_nm: &self.gap_nm,
             spans: &compared.spans,
             items: &self.items(),

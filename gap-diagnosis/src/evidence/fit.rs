@@ -125,7 +125,8 @@ impl Evidence {
         })
     }
 
-    /// What this joint alone says of the shared cause's amplitudes beside a set of names; none without one.
+    /// What this joint alone says of the shared cause's amplitudes beside a set of names, which counts by what that set leaves; none without
+    /// one.
     pub fn message(&self, names: Names) -> Option<Message> {
         let shared = self.shared.as_ref()?;
         let places = self.places(names);
@@ -137,7 +138,9 @@ impl Evidence {
             .copied()
             .chain(self.law_columns..from)
             .collect();
-        let worth = self.row_precision();
+        let left = self.mean_squares(names)[0] + self.settled[0].floor;
+        let of_best = self.row_precision();
+        let worth = of_best * self.settled[0].variance / left.max(f64::MIN_POSITIVE);
         let (prior, _) = self.prior();
         let pick = |rows: &[usize], columns: &[usize]| {
             DMatrix::from_fn(rows.len(), columns.len(), |i, j| {
@@ -150,10 +153,10 @@ impl Evidence {
         for i in 0..others.len() {
             let place = others[i];
             beside[(i, i)] += if place < self.law_columns {
-                worth * lift[place]
+                of_best * lift[place]
             } else {
                 let at = place - self.law_columns;
-                worth * prior[(at, at)]
+                of_best * prior[(at, at)]
             };
         }
         let cross = pick(&others, &of_shared);

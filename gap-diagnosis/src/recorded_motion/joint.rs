@@ -176,7 +176,8 @@ impl Joint {
         ));
     }
 
-    fn is_possible(&self, fit: &Fit) -> bool {
+    /// Whether a fit is one that the joint can have.
+    pub fn is_possible(&self, fit: &Fit) -> bool {
         let rows = &self.rows;
         let model = self.drive.model();
         laws::is_possible(

@@ -30,7 +30,7 @@ use crate::evidence::arm::Cause;
 use crate::evidence::shares::Interval;
 use crate::evidence::told::{Found, Said};
 use crate::on_all_cores::OnAllCores;
-use crate::report::{DataFinding, JointReport, JointShare, TorqueSource, TwinKind};
+use crate::report::{DataFinding, JointReport, JointShare, TorqueSource, TwinKind, Verdict};
 
 use dynamics::{Drive, Torques};
 use joint::{Joint, Searched};
@@ -305,10 +305,15 @@ fn said(
     .collect()
 }
 
-/// Whether a shared cause takes a part of the joints' gaps on average, and for certain: few arms have one.
+/// Whether a shared cause takes a part of the joints' gaps on average, and for certain: few arms have one. A joint that nothing explains has
+/// no voice.
 fn matters(said: &[Said], place: usize, materiality: f64) -> bool {
-    let shares = said.iter().filter_map(|said| said.shared.get(place));
-    let shares: Vec<Interval> = shares.copied().collect();
+    let told = said
+        .iter()
+        .filter(|said| said.report.verdict != Verdict::Unexplained);
+    let shares: Vec<Interval> = told
+        .filter_map(|said| said.shared.get(place).copied())
+        .collect();
     let mean =
         |of: fn(&Interval) -> f64| shares.iter().map(of).sum::<f64>() / shares.len().max(1) as f64;
     mean(|share| share.value) >= materiality && mean(|share| share.low) > 0.0

@@ -123,7 +123,9 @@ fn beside(robot: &Robot, joints: &[Joint], alone: &[Searched], causes: &[Cause])
                 // names that were found without the cause may stand for it
                 if round == 0 {
                     let evidence = joint.evidence(Some(prior));
-                    return evidence.message(evidence.usual());
+                    let usual = evidence.usual();
+                    let can_be = joint.is_possible(&evidence.fit(usual));
+                    return can_be.then(|| evidence.message(usual))?;
                 }
                 let searched = with[place].as_ref()?;
                 searched.evidence.message(searched.sets[0].names)
