@@ -36,10 +36,11 @@ impl Evidence {
     }
 
     /// All sets that `is_possible` that are not far behind the best: first what is told, then the best first. There is always one: no name.
-    /// It is what is told unless the odds against it are those that a name costs.
+    /// It is what is told unless the odds against it are those that a name costs. What leaves more than the file as it is explains nothing.
     pub fn best(&self, is_possible: impl Fn(&Fit) -> bool) -> Vec<Scored> {
         let mut all = self.sets();
         all.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let gap = self.square(&self.gap_nm);
         let mut kept: Vec<Scored> = Vec::new();
         for scored in all {
             if let Some(best) = kept.first()
@@ -47,7 +48,8 @@ impl Evidence {
             {
                 break;
             }
-            if scored.names == 0 || is_possible(&self.fit(scored.names)) {
+            let explains = || scored.left.iter().sum::<f64>() < gap;
+            if scored.names == 0 || explains() && is_possible(&self.fit(scored.names)) {
                 kept.push(scored);
             }
         }
