@@ -329,6 +329,29 @@ fn a_joints_name_with_a_quantity_and_another_word_is_doubtful() {
 }
 
 #[test]
+fn a_torque_is_never_in_degrees_whatever_its_joint_is_called() {
+    // joints that are called as positions are
+    let log = Log::new("q3,q3_tau_filtered,q3_tau_mNm", |time_s| {
+        vec![swing(time_s).0, 9.9 * swing(time_s).0, 990.0]
+    });
+    for is_limited in [true, false] {
+        let mut joints = guess_joints(&[("q3", 1.0)]);
+        joints[0].is_limited = is_limited;
+        let guess = guess(&log.path(), &joints).unwrap();
+        assert_eq!(told(&guess, "q3").2, 1.0);
+        let (_, signal, scale, _) = told(&guess, "q3_tau_mNm");
+        assert_eq!((signal, scale), (Signal::JointTorqueNm, 1e-3));
+    }
+    let log = Log::new("q3,q3_tau_filtered", |time_s| {
+        vec![swing(time_s).0, 9.9 * swing(time_s).0]
+    });
+    let guess = log.guess(&[("q3", 1.0)]);
+    let (_, signal, scale, _) = told(&guess, "q3_tau_filtered");
+    assert_eq!((signal, scale), (Signal::JointTorqueNm, 1.0));
+    assert!(!guess.columns[0].why.contains("degrees"));
+}
+
+#[test]
 fn a_joint_that_may_turn_round_is_not_taken_for_degrees_without_a_question() {
     let five_turns = Log::new("q", |time_s| vec![30.0 * time_s]);
     let joints = |is_limited| {

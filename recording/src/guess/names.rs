@@ -148,36 +148,21 @@ impl<'a> Guesser<'a> {
         name: &str,
     ) -> Result<(&GuessJoint, Meaning, Sure, Vec<String>), String> {
         let mut why = vec!["by its name".to_owned()];
-        // Names of joints have words in them that would say something else: `shoulder_joint`. The longest that fits counts.
-        let named = self.joints.iter().filter_map(|joint| {
-            let rest = without_joint(name, &joint.name)?;
-            Some((joint, rest))
-        });
-        let named = named.max_by_key(|(joint, _)| joint.name.len());
-        if let Some((joint, rest)) = &named
-            && let Some(found) = meaning(rest).filter(|found| found.rest.is_empty())
-        {
-            return Ok((joint, found, Sure::Certain, why));
-        }
-        let has_number = |word: &String| word.bytes().any(|byte| byte.is_ascii_digit());
-        if let Some((joint, rest)) = &named
-            && let Some(found) = meaning(rest).filter(|found| !found.rest.iter().any(has_number))
-        {
-            why.push(format!("which says `{}` too", found.rest.join("_")));
-            return Ok((joint, found, Sure::Doubtful, why));
-        }
-        let is_joint = named.as_ref().is_some_and(|(_, rest)| rest.is_empty());
-        let found = meaning_of(name, self.joints).ok_or("its name says nothing that is known")?;
+        let said = said(name, self.joints).ok_or("its name says nothing that is known")?;
         let mut sure = Sure::Certain;
-        if meaning(name).is_none() {
+        if said.is_custom {
             why.push("a position, as it has a joint's name alone".to_owned());
             sure = Sure::Doubtful;
         }
-        if let Some((joint, _)) = named.filter(|_| is_joint) {
-            return Ok((joint, found, sure, why));
+        if let Some(joint) = said.joint {
+            if !said.more.is_empty() {
+                why.push(format!("which says `{}` too", said.more.join("_")));
+                sure = Sure::Doubtful;
+            }
+            return Ok((joint, said.meaning, sure, why));
         }
         let (joint, by_number) = self
-            .joint_of(&found.rest)
+            .joint_of(&said.meaning.rest)
             .ok_or("its name is of no joint of the robot")?;
         if by_number {
             sure = sure.min(Sure::Likely);
@@ -188,12 +173,12 @@ impl<'a> Guesser<'a> {
                 why.push("of which it has others than the robot".to_owned());
             }
         }
-        Ok((joint, found, sure, why))
+        Ok((joint, said.meaning, sure, why))
     }
 
     /// Signal over column; how sure that is, and why, where its name does not tell the unit.
     fn unit(&self, column: &Column) -> (f64, Option<(Sure, String)>) {
-        let told = meaning(&column.name).and_then(|meaning| meaning.scale);
+        let told = said(&column.name, self.joints).and_then(|said| said.meaning.scale);
         let (sure, or) = if self.may_turn {
             (Sure::Doubtful, ", or a joint that turns round in radians")
         } else {
@@ -275,6 +260,45 @@ fn of_the_motor(
     )
 }
 
+/// What a column's name says in view of the robot's joints.
+struct Said<'a> {
+    /// Whose name is in it.
+    joint: Option<&'a GuessJoint>,
+    meaning: Meaning,
+    /// Words beside the joint's name that say nothing known.
+    more: Vec<String>,
+    /// Whether it is a position because nothing but a joint is named.
+    is_custom: bool,
+}
+
+/// Names of joints have words in them that would say something else: the `q3` of `q3_tau` is no position, and `shoulder_joint` no
+/// side of the gear. So the joint's name is taken out before the rest is read. Of several the longest that fits counts.
+fn said<'a>(name: &str, joints: &'a [GuessJoint]) -> Option<Said<'a>> {
+    let named = joints.iter().filter_map(|joint| {
+        let rest = without_joint(name, &joint.name)?;
+        Some((joint, rest))
+    });
+    let named = named.max_by_key(|(joint, _)| joint.name.len());
+    let has_number = |word: &String| word.bytes().any(|byte| byte.is_ascii_digit());
+    if let Some((joint, rest)) = &named
+        && let Some(meaning) = meaning(rest).filter(|found| !found.rest.iter().any(has_number))
+    {
+        return Some(Said {
+            joint: Some(joint),
+            more: meaning.rest.clone(),
+            meaning,
+            is_custom: false,
+        });
+    }
+    let alone = named.filter(|(_, rest)| rest.is_empty());
+    Some(Said {
+        joint: alone.map(|(joint, _)| joint),
+        meaning: meaning_of(name, joints)?,
+        more: Vec::new(),
+        is_custom: meaning(name).is_none(),
+    })
+}
+
 /// What a column's name says; a joint's name alone is its position, by custom.
 fn meaning_of(name: &str, joints: &[GuessJoint]) -> Option<Meaning> {
     let is_joint = |joint: &GuessJoint| without_joint(name, &joint.name).as_deref() == Some("");
@@ -288,7 +312,7 @@ fn meaning_of(name: &str, joints: &[GuessJoint]) -> Option<Meaning> {
 
 /// How far a column goes that holds positions of joints and whose name does not tell their unit.
 fn unnamed_angle(column: &Column, joints: &[GuessJoint]) -> Option<f64> {
-    let meaning = meaning_of(&column.name, joints)?;
+    let meaning = said(&column.name, joints)?.meaning;
     let is_angle = meaning.quantity == Quantity::Position && meaning.is_motor != Some(true);
     let Values::Numbers(values) = &column.values else {
         return None;
