@@ -179,6 +179,21 @@ pub(crate) fn words_unknown(name: &str) -> usize {
     rest.iter().filter(is_unknown).count()
 }
 
+/// What names of one numbered family have in common beside their quantity: `hand` of `q_hand1`, nothing of `q1`, `joint1_pos` and
+/// `tau_meas1`. Of the rest of a name.
+pub(crate) fn family(rest: &[String]) -> String {
+    let Some((last, before)) = rest.split_last() else {
+        return String::new();
+    };
+    let words = before.iter().map(|word| &**word);
+    let words = words.chain([without_number(last)]);
+    let says_more = |word: &&str| {
+        let is_any = matches!(*word, "" | "joint" | "j" | "axis");
+        !is_any && !MEASURED.contains(word) && !FILLERS.contains(word)
+    };
+    words.filter(says_more).collect::<Vec<_>>().join("_")
+}
+
 /// A word without the number that it ends with.
 fn without_number(word: &str) -> &str {
     word.trim_end_matches(|c: char| c.is_ascii_digit())

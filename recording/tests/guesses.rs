@@ -167,6 +167,80 @@ fn columns_from_zero_are_the_joints_from_one_on() {
     assert_eq!(of, ["joint1", "joint2"]);
 }
 
+/// Every column moves: what is told is told by names.
+fn named(header: &str, joints: &[&str]) -> Guess {
+    let joints: Vec<(&str, f64)> = joints.iter().map(|name| (*name, 1.0)).collect();
+    let count = header.split(',').count();
+    let log = Log::new(header, |time_s| vec![swing(time_s).0; count]);
+    log.guess(&joints)
+}
+
+fn doubts(guess: &Guess) -> Vec<&str> {
+    guess.doubtful().map(|found| &*found.column).collect()
+}
+
+#[test]
+fn numbers_that_are_not_the_joints_alone_are_doubtful() {
+    let arm = ["shoulder", "elbow", "wrist"];
+    for (header, doubtful) in [
+        // one family for each of them
+        ("q1,q2,q3,tau1,tau2,tau3", &[][..]),
+        ("q_arm1,q_arm2,q_arm3,tau_arm1,tau_arm2,tau_arm3", &[]),
+        // a hand has more fingers than the arm joints
+        (
+            "q_hand1,q_hand2,q_hand3,q_hand4",
+            &["q_hand1", "q_hand2", "q_hand3"],
+        ),
+        // and a gripper fewer
+        ("theta_1,theta_2", &["theta_1", "theta_2"]),
+        ("q1,q2,q3,tau1,tau2", &["tau1", "tau2"]),
+        (
+            "theta_1,theta_2,q_hand1,q_hand2,q_hand3,q_hand4,tau_hand1",
+            &["q_hand1", "tau_hand1", "q_hand2", "q_hand3"],
+        ),
+        // a part of the drive is no other limb
+        ("q1,q2,q3,mos_temp1,mos_temp2,mos_temp3", &[]),
+        // some by name, the others by number
+        ("q_elbow,q1,q2,q3", &["q1", "q3"]),
+        // the torques are of something else than the positions
+        (
+            "q1,q2,q3,tau_hand1,tau_hand2,tau_hand3",
+            &["tau_hand1", "tau_hand2", "tau_hand3"],
+        ),
+        (
+            "q_shoulder,q_elbow,q_wrist,tau_1,tau_2,tau_3",
+            &["tau_1", "tau_2", "tau_3"],
+        ),
+    ] {
+        let guess = named(header, &arm);
+        assert_eq!(doubts(&guess), doubtful, "{header}: {:?}", guess.columns);
+    }
+}
+
+#[test]
+fn an_arm_goes_before_its_hand_whichever_comes_first() {
+    let header = "q_hand1,q_hand2,qd_hand1,qd_hand2,tau_hand1,tau_hand2,q1,q2,tau1,tau2,q_hand3";
+    let guess = named(header, &["shoulder", "elbow"]);
+    let of = |signal| {
+        let mut columns = guess.columns.iter();
+        columns.find(|found| found.signal == signal).unwrap()
+    };
+    assert_eq!(of(Signal::LinkPositionRad).column, "q1");
+    assert_eq!(of(Signal::JointTorqueNm).column, "tau1");
+    assert_eq!(of(Signal::LinkPositionRad).sure, Sure::Likely);
+}
+
+#[test]
+fn a_robots_own_numbers_go_with_its_names_and_others_do_not() {
+    let robot = ["arm_joint1", "arm_joint2"];
+    let guess = named("arm_joint1_pos,arm_joint2_pos,tau_1,tau_2", &robot);
+    assert_eq!(doubts(&guess), [""; 0]);
+    assert_eq!(told(&guess, "tau_2").0, "arm_joint2");
+    // The log counts from 0 and the robot from 1: what has the name of a joint may be the next one.
+    let guess = named("joint0_pos,joint1_pos", &["joint1", "joint2"]);
+    assert_eq!(doubts(&guess), ["joint1_pos"]);
+}
+
 #[test]
 fn what_is_certain_enough_is_read_without_a_mapping_and_said() {
     let log = Log::new("elbow_pos_deg,elbow_motor_torque", |time_s| {

@@ -1,8 +1,9 @@
 //! Guesses what the columns of a foreign log hold: by their names, by the robot's joints, and by physics.
 //!
-//! [`names`] tells joints and units, [`velocities`] what a position's difference says, and this what becomes of it.
+//! [`names`] tells joints and units, [`numbers`] which numbers are joints', [`velocities`] what a position's difference says, and this what becomes of it.
 
 mod names;
+mod numbers;
 mod velocities;
 
 use crate::error::one_line;

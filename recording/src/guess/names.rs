@@ -1,5 +1,6 @@
 //! Joints, signals and units by the names of columns and the size of their values.
 
+use super::numbers::Families;
 use super::{Guess, GuessJoint, GuessedColumn, Sure};
 use crate::Signal;
 use crate::clock::{only_time_column, time_column};
@@ -15,6 +16,7 @@ use std::f64::consts::PI;
 pub(super) struct Guesser<'a> {
     pub(super) frame: &'a Frame,
     joints: &'a [GuessJoint],
+    pub(super) families: Families<'a>,
     mostly_degrees: bool,
     /// Whether positions beyond a turn may still be radians.
     may_turn: bool,
@@ -25,6 +27,7 @@ impl<'a> Guesser<'a> {
         Self {
             frame,
             joints,
+            families: Families::new(frame, joints),
             mostly_degrees: mostly_degrees(frame, joints),
             may_turn: joints.iter().any(|joint| !joint.is_limited)
                 && farthest_angles(frame, joints).all(|farthest| farthest < TURNING_RAD),
@@ -50,14 +53,18 @@ impl<'a> Guesser<'a> {
         }
         let left_out = self.weigh_velocities(&mut columns);
         guess.left_out.extend(left_out);
-        // The surest of several for one signal, of these one that was measured, and of these the plainest name.
+        // The surest of several for one signal; of these one that has the joint's name or is of the family that most likely are the
+        // joints; of these one that was measured, and of these the plainest name.
         columns.sort_by_key(|(index, found)| {
             let joint = self
                 .joints
                 .iter()
                 .position(|joint| joint.name == found.joint);
-            let is_measured = says_measured(&found.column);
-            let best_first = Reverse((found.sure, is_measured));
+            let best_first = (
+                Reverse(found.sure),
+                self.families.rank(*index),
+                Reverse(says_measured(&found.column)),
+            );
             let unknown = words_unknown(&found.column);
             (joint, found.signal, best_first, unknown, *index)
         });
@@ -159,14 +166,23 @@ impl<'a> Guesser<'a> {
                 why.push(format!("which says `{}` too", said.more.join("_")));
                 sure = Sure::Doubtful;
             }
+            if let Some(doubt) = self.families.doubt(index) {
+                why.push(doubt);
+                sure = Sure::Doubtful;
+            }
             return Ok((joint, said.meaning, sure, why));
         }
         let (joint, by_number) = self
-            .joint_of(&said.meaning.rest)
+            .families
+            .joint(index)
             .ok_or("its name is of no joint of the robot")?;
         if by_number {
             sure = sure.min(Sure::Likely);
             why.push("joints by their number".to_owned());
+            if let Some(doubt) = self.families.doubt(index) {
+                sure = Sure::Doubtful;
+                why.push(doubt);
+            }
             let columns = self.frame.width_of(index);
             if columns.is_some_and(|columns| columns != self.joints.len()) {
                 sure = Sure::Doubtful;
@@ -197,46 +213,6 @@ impl<'a> Guesser<'a> {
     pub(super) fn joint_named(&self, name: &str) -> Option<&GuessJoint> {
         self.joints.iter().find(|joint| joint.name == name)
     }
-
-    /// The joint that the rest of a column's name is of; whether only by its number.
-    fn joint_of(&self, rest: &[String]) -> Option<(&GuessJoint, bool)> {
-        let plain = |text: &str| -> String {
-            let kept = text.chars().filter(|c| c.is_alphanumeric());
-            kept.flat_map(char::to_lowercase).collect()
-        };
-        let name = rest.concat();
-        if let Some(joint) = self.joints.iter().find(|joint| plain(&joint.name) == name) {
-            return Some((joint, false));
-        }
-        if let ([joint], true) = (self.joints, name.is_empty()) {
-            return Some((joint, false));
-        }
-        let digits = |text: &str| -> Option<usize> {
-            let start = text.trim_end_matches(|c: char| c.is_ascii_digit()).len();
-            text[start..].parse().ok()
-        };
-        let number = digits(&name)?;
-        let is_zero = |name: &str| {
-            let name = meaning(name).map_or_else(
-                || is_numbered_joint(name).then(|| plain(name)),
-                |meaning| Some(meaning.rest.concat()),
-            );
-            name.is_some_and(|name| digits(&name) == Some(0))
-        };
-        let mut columns = self.frame.columns.iter();
-        let from_zero = columns.any(|column| is_zero(&column.name));
-        let of_joint = |number| {
-            let mut joints = self.joints.iter();
-            joints.find(|joint| digits(&joint.name) == Some(number))
-        };
-        // The robot's own numbers go before counting, where both begin at 0 or neither does.
-        let numbered = of_joint(number).filter(|_| from_zero == of_joint(0).is_some());
-        let counted = || {
-            self.joints
-                .get(number.checked_sub(usize::from(!from_zero))?)
-        };
-        numbered.or_else(counted).map(|joint| (joint, true))
-    }
 }
 
 /// A torque that is told at the joint is, of a geared joint, most likely the motor's times the ratio: sensors are rare.
@@ -261,10 +237,10 @@ fn of_the_motor(
 }
 
 /// What a column's name says in view of the robot's joints.
-struct Said<'a> {
+pub(super) struct Said<'a> {
     /// Whose name is in it.
-    joint: Option<&'a GuessJoint>,
-    meaning: Meaning,
+    pub(super) joint: Option<&'a GuessJoint>,
+    pub(super) meaning: Meaning,
     /// Words beside the joint's name that say nothing known.
     more: Vec<String>,
     /// Whether it is a position because nothing but a joint is named.
@@ -273,7 +249,7 @@ struct Said<'a> {
 
 /// Names of joints have words in them that would say something else: the `q3` of `q3_tau` is no position, and `shoulder_joint` no
 /// side of the gear. So the joint's name is taken out before the rest is read. Of several the longest that fits counts.
-fn said<'a>(name: &str, joints: &'a [GuessJoint]) -> Option<Said<'a>> {
+pub(super) fn said<'a>(name: &str, joints: &'a [GuessJoint]) -> Option<Said<'a>> {
     let named = joints.iter().filter_map(|joint| {
         let rest = without_joint(name, &joint.name)?;
         Some((joint, rest))
@@ -300,7 +276,7 @@ fn said<'a>(name: &str, joints: &'a [GuessJoint]) -> Option<Said<'a>> {
 }
 
 /// What a column's name says; a joint's name alone is its position, by custom.
-fn meaning_of(name: &str, joints: &[GuessJoint]) -> Option<Meaning> {
+pub(super) fn meaning_of(name: &str, joints: &[GuessJoint]) -> Option<Meaning> {
     let is_joint = |joint: &GuessJoint| without_joint(name, &joint.name).as_deref() == Some("");
     meaning(name).or_else(|| {
         let alone = is_numbered_joint(name) || joints.iter().any(is_joint);

@@ -19,13 +19,13 @@ impl Guesser<'_> {
         let Some(time_s) = self.times_s() else {
             return Vec::new();
         };
-        let positions: Vec<(String, Vec<f64>)> = columns
+        let positions: Vec<(usize, String, Vec<f64>)> = columns
             .iter()
             .filter(|(_, found)| found.signal == Signal::LinkPositionRad)
             .map(|(index, found)| {
                 let numbers = self.numbers(*index);
                 let scaled = numbers.iter().map(|value| value * found.scale);
-                (found.joint.clone(), scaled.collect())
+                (*index, found.joint.clone(), scaled.collect())
             })
             .collect();
         let velocities = columns
@@ -33,12 +33,20 @@ impl Guesser<'_> {
             .filter(|(_, found)| found.signal == Signal::LinkVelocityRadS);
         let mut left_out = Vec::new();
         for (index, found) in velocities {
-            let position = positions.iter().find(|(joint, _)| *joint == found.joint);
+            // A finger's velocity is not that of the arm's position with the same number.
+            let of_joint = || {
+                positions
+                    .iter()
+                    .filter(|(_, joint, _)| *joint == found.joint)
+            };
+            let position = of_joint()
+                .find(|(position, _, _)| self.families.are_alike(*position, *index))
+                .or_else(|| of_joint().next());
             let ratio = self
                 .joint_named(&found.joint)
                 .map_or(1.0, |joint| joint.gear_ratio);
-            let slope =
-                position.and_then(|(_, position)| slope(&time_s, position, &self.numbers(*index)));
+            let slope = position
+                .and_then(|(_, _, position)| slope(&time_s, position, &self.numbers(*index)));
             let Some(slope) = slope.map(|slope| slope * found.scale) else {
                 continue;
             };
