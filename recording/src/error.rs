@@ -67,6 +67,17 @@ pub enum ReadProblem {
         one_line(.0)
     )]
     Mat(String),
+    /// A MATLAB file with nothing that is read.
+    #[error("holds no numbers that are read: {0}")]
+    NothingRead(String),
+    /// A log that is not understood, and something in it that was not read.
+    #[error("{problem}; what was not read: {not_read}")]
+    NotAllRead {
+        /// What is not understood.
+        problem: Box<ReadProblem>,
+        /// What that is, and what to do.
+        not_read: String,
+    },
     /// An HDF5 file that cannot be read.
     #[error(
         "is an HDF5 file (a .mat of version 7.3 is one too) that cannot be read: {}; if it is whole, \

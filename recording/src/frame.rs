@@ -11,6 +11,9 @@ use crate::{JOINTS_MAX, ReadError, ReadProblem, Recording, Signal};
 use std::collections::BTreeMap;
 use std::path::Path;
 
+/// Where the metadata tell what of a log was not read, and why.
+pub(crate) const NOT_READ: &str = "not_read";
+
 /// A column's values, one per row.
 pub(crate) struct Column {
     pub(crate) name: String,
@@ -45,6 +48,17 @@ impl Values {
             Self::Instants(values, unit) => {
                 Self::Instants(rows.iter().map(|row| values[*row]).collect(), *unit)
             }
+        }
+    }
+
+    /// As floating-point numbers, NaN where there is none.
+    pub(crate) fn numbers(&self) -> Vec<f64> {
+        match self {
+            Self::Numbers(values) => values.clone(),
+            Self::Integers(values) | Self::Instants(values, _) => values
+                .iter()
+                .map(|value| value.map_or(f64::NAN, |value| value as f64))
+                .collect(),
         }
     }
 
@@ -298,6 +312,17 @@ impl Frame {
         Ok(())
     }
 
+    /// What was sought is likely in what was not read.
+    fn with_what_was_not_read(&self, problem: ReadProblem) -> ReadProblem {
+        match self.notes.get(NOT_READ) {
+            Some(not_read) => ReadProblem::NotAllRead {
+                problem: Box::new(problem),
+                not_read: not_read.clone(),
+            },
+            None => problem,
+        }
+    }
+
     /// The table of these columns. What the mapping says goes before what the format does.
     pub(crate) fn into_table(
         mut self,
@@ -306,7 +331,8 @@ impl Frame {
     ) -> Result<Recording, ReadProblem> {
         self.name_joints(mapping, mapping_path)?;
         let names = self.columns.iter().map(|column| column.name.clone());
-        let plan = Plan::new(names.collect(), &self.known, mapping, mapping_path)?;
+        let plan = Plan::new(names.collect(), &self.known, mapping, mapping_path);
+        let plan = plan.map_err(|problem| self.with_what_was_not_read(problem))?;
         if plan.joints() > JOINTS_MAX {
             return Err(ReadProblem::TooManyJoints {
                 joints: plan.joints(),

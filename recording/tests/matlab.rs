@@ -208,6 +208,103 @@ fn what_ends_early_is_read_as_far_as_it_goes_and_what_lies_is_refused() {
     );
 }
 
+fn cells(name: &str, axes: [u32; 2], of: &[Vec<u8>]) -> Vec<u8> {
+    matrix(name, 1, axes, of)
+}
+
+fn row_of(values: &[f64]) -> Vec<u8> {
+    let bytes: Vec<u8> = values
+        .iter()
+        .flat_map(|value| value.to_le_bytes())
+        .collect();
+    matrix("", 6, [values.len() as u32, 1], &[element(9, &bytes)])
+}
+
+#[test]
+fn cells_with_a_row_each_are_a_matrix_and_others_are_named() {
+    let folder = Folder::new();
+    let plain = folder.read(&file(&variables()));
+    let rows = (0..ROWS).map(|row| row_of(&[angle_rad(row, 0), angle_rad(row, 1)]));
+    let rows: Vec<Vec<u8>> = rows.collect();
+    let joint = |joint| -> Vec<f64> { (0..ROWS).map(|row| angle_rad(row, joint)).collect() };
+    let joints = [row_of(&joint(0)), row_of(&joint(1))];
+    for q in [
+        cells("q", [ROWS as u32, 1], &rows),
+        cells("q", [1, ROWS as u32], &rows),
+        cells("q", [1, 2], &joints),
+    ] {
+        let mut variables = variables();
+        variables[1] = q;
+        assert!(folder.read(&file(&variables)).same_table(&plain));
+    }
+    let mut uneven = rows.clone();
+    uneven[7] = row_of(&[1.0, 2.0, 3.0]);
+    let time = doubles("t", 1, |row, _| time_s(row));
+    for (axes, of, expected) in [
+        ([ROWS as u32, 1], &uneven[..], "`q` (a cell array"),
+        ([ROWS as u32 / 2, 2], &rows[..], "`q` (a cell array"),
+        ([2, 1], &[row_of(&[1.0]), settled()][..], "`cell2mat`"),
+        (
+            [ROWS as u32 + 1, 1],
+            &rows[..],
+            "`q` ends before its last cell",
+        ),
+        ([u32::MAX, 1], &rows[..], "4294967295 rows of 2 columns"),
+    ] {
+        let q = cells("q", axes, of);
+        let refusal = folder.refusal(&file(&[time.clone(), q]));
+        assert!(refusal.contains(expected), "{refusal}");
+    }
+}
+
+/// As MATLAB writes a table: its name and class among the variables, its values in the subsystem data.
+fn with_object(class: &str, variables: &[Vec<u8>]) -> Vec<u8> {
+    let reference = matrix("", 13, [1, 1], &[element(6, &[0; 24])]);
+    let words = ["run1", "MCOS", class].map(|word| element(1, word.as_bytes()));
+    let flags = element(6, &[17, 0, 0, 0, 0, 0, 0, 0]);
+    let object = element(14, &[flags, words.concat(), reference].concat());
+    let variables = [&[object], variables].concat().concat();
+    let subsystem_at = 128 + variables.len() as u64;
+    let subsystem = matrix("", 9, [1, 3000], &[element(2, &[1; 3000])]);
+    let mut bytes = file(&[variables, packed(&subsystem)]);
+    bytes[116..124].copy_from_slice(&subsystem_at.to_le_bytes());
+    bytes
+}
+
+#[test]
+fn a_table_of_matlab_is_told_with_what_writes_it_as_one_that_is_read() {
+    let folder = Folder::new();
+    for (class, remedy) in [
+        ("table", "`writetable(run1, 'run1.csv')`"),
+        ("timetable", "`writetimetable(run1, 'run1.csv')`"),
+        (
+            "timeseries",
+            "`writematrix([run1.Time, run1.Data], 'run1.csv')`",
+        ),
+        ("string", "save its numbers as a matrix"),
+    ] {
+        let refusal = folder.refusal(&with_object(class, &[]));
+        let expected = format!("`run1` (a MATLAB {class}; ");
+        assert!(
+            refusal.contains(&expected) && refusal.contains(remedy),
+            "{refusal}"
+        );
+        assert!(!refusal.contains("rows"), "{refusal}");
+    }
+    // What is beside it is read, and what is not is told.
+    let recording = folder.read(&with_object("table", &variables()));
+    assert_eq!(recording.rows(), ROWS);
+    assert!(recording.metadata["not_read"].starts_with("`run1` (a MATLAB table"));
+    let refusal = folder.refusal(&with_object(
+        "table",
+        &[doubles("t", 1, |row, _| time_s(row))],
+    ));
+    assert!(
+        refusal.contains("its columns are `t`; what was not read: `run1`"),
+        "{refusal}"
+    );
+}
+
 #[test]
 fn version_seven_point_three_is_the_same() {
     let folder = Folder::new();
@@ -247,11 +344,14 @@ proptest! {
         damage in prop::collection::vec((0.0..1.0, prop_oneof![any::<u8>(), Just(0), Just(0xff)]), 1..6),
     ) {
         static FOLDER: LazyLock<Folder> = LazyLock::new(Folder::new);
-        static WHOLE: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
+        static WHOLE: LazyLock<[Vec<u8>; 4]> = LazyLock::new(|| {
             let variables = variables();
             let fields = ["t", "q", "q_des", "label", "masses"];
             let packed = variables.iter().map(|variable| packed(variable)).collect::<Vec<_>>();
-            [file(&[structure("log", [1, 1], &fields, &variables)]), file(&packed), V73.to_vec()]
+            let rows = (0..ROWS).map(|row| row_of(&[angle_rad(row, 0), angle_rad(row, 1)]));
+            let cells = cells("current", [ROWS as u32, 1], &rows.collect::<Vec<_>>());
+            let of_objects = with_object("table", &[variables.clone(), vec![cells]].concat());
+            [file(&[structure("log", [1, 1], &fields, &variables)]), file(&packed), of_objects, V73.to_vec()]
         });
         for bytes in &*WHOLE {
             match read(&FOLDER.write(&damaged(bytes.clone(), &damage))) {

@@ -59,6 +59,7 @@ pub fn read_of(
         let look = match error.problem {
             ReadProblem::Doubtful { .. }
             | ReadProblem::NoSignals { .. }
+            | ReadProblem::NotAllRead { .. }
             | ReadProblem::UnnamedJoints { .. } => format!(
                 "; see `flexspline recording map {} --robot {robot_name}`",
                 path.display()

@@ -1,11 +1,14 @@
 //! MATLAB's `.mat` files of versions 5 to 7.2, which scipy and Octave write too; version 7.3 is [`super::hdf5`].
 //!
-//! Format: "MAT-File Format", MathWorks 2023, level 5. Matrices of numbers are read, and structs of them as `STRUCT.FIELD`.
+//! Format: "MAT-File Format", MathWorks 2023, level 5. Matrices of numbers are read, structs of them as `STRUCT.FIELD`, and cells
+//! that hold a row of numbers each. Of MATLAB's objects, tables among them, only the name and the class are told: their values lie
+//! in a part of the file, the subsystem data, whose format is not published.
 
 use super::arrays::{Shape, frame_of, values_max};
 use super::{Log, Source};
 use crate::ReadProblem;
-use crate::frame::{Array, Frame, Values};
+use crate::error::one_line;
+use crate::frame::{Array, Frame, NOT_READ, Values};
 use crate::mapping::Mapping;
 use flate2::read::ZlibDecoder;
 use std::fs::File;
@@ -14,6 +17,8 @@ use std::path::Path;
 
 /// Text, then two bytes of version and two that show which end comes first.
 const HEAD_BYTES: usize = 128;
+/// Where the head says at which byte the subsystem data begin: zero or spaces if there are none.
+const SUBSYSTEM_AT: std::ops::Range<usize> = 116..124;
 /// Structs in structs.
 const DEPTH_MAX: usize = 8;
 
@@ -36,12 +41,23 @@ impl Source for Mat {
         file.read_exact(&mut head)?;
         let mut reader = Reader {
             arrays: Vec::new(),
+            not_read: Vec::new(),
             big_end_first: big_end_first(&head).unwrap_or(false),
             values_left: values_max(path)?,
         };
-        let left = path.metadata()?.len().saturating_sub(HEAD_BYTES as u64);
-        let whole = reader.read(&mut file, left)?;
+        let whole = reader.read(
+            &mut file,
+            path.metadata()?.len(),
+            reader.subsystem_at(&head),
+        )?;
+        let not_read = reader.not_read.join(", ");
+        if reader.arrays.is_empty() && !not_read.is_empty() {
+            return Err(ReadProblem::NothingRead(not_read));
+        }
         let mut frame = frame_of(reader.arrays)?;
+        if !not_read.is_empty() {
+            frame.notes.insert(NOT_READ.to_owned(), not_read);
+        }
         frame.truncated = !whole;
         Ok(frame)
     }
@@ -58,15 +74,32 @@ fn big_end_first(head: &[u8]) -> Option<bool> {
 
 struct Reader {
     arrays: Vec<Array>,
+    /// What was not, and what to do.
+    not_read: Vec<String>,
     big_end_first: bool,
     /// That are read at most.
     values_left: usize,
 }
 
 impl Reader {
-    /// Reads the variables; whether the file ends after the last of them.
-    fn read(&mut self, file: &mut impl Read, mut left: u64) -> Result<bool, ReadProblem> {
+    fn subsystem_at(&self, head: &[u8; HEAD_BYTES]) -> Option<u64> {
+        let bytes = head[SUBSYSTEM_AT].as_array()?;
+        Some(match self.big_end_first {
+            true => u64::from_be_bytes(*bytes),
+            false => u64::from_le_bytes(*bytes),
+        })
+    }
+
+    /// Reads the variables of a file of that length but for what is at that byte; whether the file ends after the last of them.
+    fn read(
+        &mut self,
+        file: &mut impl Read,
+        length: u64,
+        but_at: Option<u64>,
+    ) -> Result<bool, ReadProblem> {
+        let mut left = length.saturating_sub(HEAD_BYTES as u64);
         while left > 0 {
+            let is_left_out = Some(length - left) == but_at;
             let Some((kind, bytes)) = self.tag(file)? else {
                 return Ok(false);
             };
@@ -77,6 +110,7 @@ impl Reader {
             left -= u64::from(bytes);
             let mut element = Read::take(&mut *file, u64::from(bytes));
             match kind {
+                _ if is_left_out => {}
                 COMPRESSED => {
                     let mut unpacked = ZlibDecoder::new(&mut element);
                     match self.tag(&mut unpacked).map_err(wrong)? {
@@ -174,10 +208,97 @@ impl Reader {
                 self.values_left -= shape.values();
                 self.arrays.push(shape.table(name, &values));
             }
+            Class::Cells => match self.cells(elements, &shape, &name)? {
+                Some(array) => self.arrays.push(array),
+                None => self.not_read.push(of_cells(&name)),
+            },
+            Class::Object => {
+                // Before its class stands the system that has the class.
+                let class = elements.next().and_then(|_| elements.next());
+                let class = class.map_or(&[][..], |(_, class)| class);
+                let class = String::from_utf8_lossy(class);
+                self.not_read.push(of_object(&name, &class));
+            }
             _ => {}
         }
         Ok(())
     }
+
+    /// The table of cells that have as many numbers each: a row, or a joint where there are fewer cells than numbers in one.
+    fn cells(
+        &mut self,
+        mut cells: Elements<'_>,
+        axes: &[u64],
+        name: &str,
+    ) -> Result<Option<Array>, ReadProblem> {
+        let Some(count) = length_of(axes) else {
+            return Ok(None);
+        };
+        let mut first: Option<(u64, Shape)> = None;
+        let mut numbers: Vec<f64> = Vec::new();
+        for _ in 0..count {
+            let ends = || wrong(format!("`{name}` ends before its last cell"));
+            let (_, body) = cells.next().ok_or_else(ends)?;
+            let mut cell = self.elements(body);
+            let Some((class @ (Class::Numbers | Class::Integers), axes, _)) = cell.head() else {
+                return Ok(None);
+            };
+            let Some(length) = length_of(&axes) else {
+                return Ok(None);
+            };
+            if first.is_none() {
+                // Before any value is kept, as a damaged file may say any number of cells.
+                let shape = Shape::of(&[count, length], false, self.values_left)?;
+                first = shape.map(|shape| (length, shape));
+            }
+            let values = cell.values(class).map(|values| values.numbers());
+            match (values, first) {
+                (Some(values), Some((of_all, _)))
+                    if length == of_all && values.len() as u64 == length =>
+                {
+                    numbers.extend(values);
+                }
+                _ => return Ok(None),
+            }
+        }
+        let Some((_, shape)) = first else {
+            return Ok(None);
+        };
+        self.values_left -= shape.values();
+        let name = name.to_owned();
+        Ok(Some(shape.table(name, &Values::Numbers(numbers))))
+    }
+}
+
+/// How many are in a row or a column; `None` of a matrix.
+fn length_of(axes: &[u64]) -> Option<u64> {
+    match *axes {
+        [1, length] | [length, 1] => Some(length),
+        _ => None,
+    }
+}
+
+/// What is told of cells that are not read.
+fn of_cells(name: &str) -> String {
+    let name = one_line(name);
+    format!(
+        "`{name}` (a cell array, whose cells are no rows of as many numbers each; `cell2mat` may make a matrix of it)"
+    )
+}
+
+/// What is told of one of MATLAB's objects, and what writes it as something that is read.
+fn of_object(name: &str, class: &str) -> String {
+    let (name, class) = (one_line(name), one_line(class));
+    let file = name.rsplit('.').next().unwrap_or_default();
+    let remedy = match &*class {
+        "table" => format!("write it in MATLAB as `writetable({name}, '{file}.csv')`"),
+        "timetable" => format!("write it in MATLAB as `writetimetable({name}, '{file}.csv')`"),
+        "timeseries" => {
+            format!("write it in MATLAB as `writematrix([{name}.Time, {name}.Data], '{file}.csv')`")
+        }
+        _ => "save its numbers as a matrix".to_owned(),
+    };
+    format!("`{name}` (a MATLAB {class}; {remedy})")
 }
 
 fn wrong(what: impl ToString) -> ReadProblem {
@@ -190,7 +311,10 @@ enum Class {
     Numbers,
     Integers,
     Struct,
-    /// Text, cells, functions, sparse ones.
+    Cells,
+    /// A table, a time, a text in double quotes.
+    Object,
+    /// Text, functions, sparse ones.
     Other,
 }
 
@@ -234,12 +358,22 @@ impl<'a> Elements<'a> {
         };
         let flags = self.words(flags).next()?;
         let class = match flags & 0xff {
+            1 => Class::Cells,
             2 => Class::Struct,
+            17 => Class::Object,
             _ if flags & IS_COMPLEX != 0 => Class::Other,
             6 | 7 => Class::Numbers,
             8..=15 => Class::Integers,
             _ => Class::Other,
         };
+        if matches!(class, Class::Object) {
+            let (_, name) = self.next()?;
+            return Some((
+                class,
+                Vec::new(),
+                String::from_utf8_lossy(name).into_owned(),
+            ));
+        }
         let (INT32, axes) = self.next()? else {
             return None;
         };
