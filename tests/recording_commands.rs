@@ -339,6 +339,70 @@ fn what_a_log_holds_is_guessed_where_that_is_certain_and_asked_for_where_it_is_n
     assert!(text(&diagnosed).contains(asked[2]), "{}", text(&diagnosed));
 }
 
+/// A MATLAB file of version 5 with these matrices, a list for each column.
+fn mat(matrices: &[(&str, &[Vec<f64>])]) -> Vec<u8> {
+    let element = |kind: u32, bytes: &[u8]| {
+        let mut element = [kind, bytes.len() as u32].map(u32::to_le_bytes).concat();
+        element.extend(bytes);
+        element.resize(element.len().next_multiple_of(8), 0);
+        element
+    };
+    let mut file = b"MATLAB 5.0 MAT-file".to_vec();
+    file.resize(124, b' ');
+    file.extend(b"\x00\x01IM");
+    for (name, columns) in matrices {
+        let axes = [columns[0].len() as u32, columns.len() as u32];
+        let values = columns.iter().flatten();
+        let values: Vec<u8> = values.flat_map(|value| value.to_le_bytes()).collect();
+        let parts = [
+            element(6, &[6, 0, 0, 0, 0, 0, 0, 0]),
+            element(5, &axes.map(u32::to_le_bytes).concat()),
+            element(1, name.as_bytes()),
+            element(9, &values),
+        ];
+        file.extend(element(14, &parts.concat()));
+    }
+    file
+}
+
+#[test]
+fn joints_without_names_are_looked_at_by_their_number() {
+    let bench = Bench::new("rec-numbers");
+    let of_rows = |value: &dyn Fn(f64) -> f64| -> Vec<f64> {
+        (0..500).map(|row| value(f64::from(row) * 0.005)).collect()
+    };
+    let time = [of_rows(&|time_s| time_s)];
+    let angles = |reach: f64| {
+        let swing = move |factor: f64| of_rows(&move |time_s| reach * (factor * time_s).sin());
+        [swing(6.0), swing(7.0)]
+    };
+    fs::write(
+        bench.file("log.mat"),
+        mat(&[("t", &time), ("q", &angles(0.5))]),
+    )
+    .expect("written");
+    let told = succeeds(&bench, &["info", "log.mat"]);
+    for expected in [
+        "500 rows, 2.495 s, 2 joints",
+        "rate 200.000 Hz",
+        "joint2",
+        "joints_without_names: called by their number; --robot names them",
+    ] {
+        assert!(told.contains(expected), "`{expected}`: {told}");
+    }
+    // Degrees or turns of a joint: that is not for a plain look to decide.
+    fs::write(
+        bench.file("far.mat"),
+        mat(&[("t", &time), ("q", &angles(20.0))]),
+    )
+    .expect("written");
+    let names = ["`q` has 2 columns", "far.mapping.toml"];
+    refused(&bench, &["info", "far.mat"], &names);
+    // What is made of the log needs the names.
+    let import = ["import", "log.mat", "--out", "log.mcap"];
+    refused(&bench, &import, &["`q` has 2 columns"]);
+}
+
 #[test]
 fn bad_input_is_one_line_and_exit_code_two() {
     let bench = Bench::new("rec-bad");

@@ -4,7 +4,10 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use comfy_table::{CellAlignment, Table, presets};
-use recording::{Finding, RecordingInfo, Severity, SignalInfo, check, describe};
+use recording::{
+    Finding, GuessJoint, ReadError, ReadProblem, Recording, RecordingInfo, Severity, SignalInfo,
+    check, describe, read_guessing,
+};
 use serde::Serialize;
 
 use super::{read, read_of};
@@ -37,7 +40,8 @@ pub fn info(arguments: &RecordingInfoArguments) -> Result<(), CliError> {
         let mapping = arguments.mapping.as_deref();
         let table = match (&robot, &arguments.robot) {
             (Some(robot), Some(name)) => read_of(file, mapping, robot, name)?.0,
-            _ => read(file, mapping)?,
+            _ if mapping.is_some() => read(file, mapping)?,
+            _ => read_by_number(file)?,
         };
         all.push(Described {
             schema: 1,
@@ -58,6 +62,37 @@ pub fn info(arguments: &RecordingInfoArguments) -> Result<(), CliError> {
     }
     verdict(&all)
 }
+
+/// A recording. Where nothing names the joints of its arrays they are called by their number: rates, ranges and gaps can be told of
+/// joints without names. What is doubtful even so needs the names.
+fn read_by_number(file: &Path) -> Result<Recording, CliError> {
+    let (problem, columns) = match recording::read(file) {
+        Err(ReadError {
+            problem: problem @ ReadProblem::UnnamedJoints { columns, .. },
+            path,
+        }) => (ReadError { path, problem }, columns),
+        read => return read.map_err(CliError::input),
+    };
+    let joint = |number| GuessJoint {
+        name: format!("joint{number}"),
+        gear_ratio: 1.0,
+        // Nothing tells that it may not turn round and round.
+        is_limited: false,
+    };
+    let joints: Vec<GuessJoint> = (1..=columns).map(joint).collect();
+    let Ok((mut recording, Some(_))) = read_guessing(file, &joints) else {
+        return Err(CliError::input(problem));
+    };
+    let (key, told) = JOINTS_WITHOUT_NAMES;
+    recording.metadata.insert(key.to_owned(), told.to_owned());
+    Ok(recording)
+}
+
+/// What the metadata say then.
+const JOINTS_WITHOUT_NAMES: (&str, &str) = (
+    "joints_without_names",
+    "called by their number; --robot names them, or a mapping file: joints = [\"…\", …]",
+);
 
 fn verdict(all: &[Described]) -> Result<(), CliError> {
     let is_error = |finding: &&Finding| finding.severity == Severity::Error;
