@@ -5,7 +5,6 @@ use super::names::Guesser;
 use crate::Signal;
 use crate::clock::{UnitsPerSecond, only_time_column};
 use crate::columns::TIME;
-use crate::frame::Values;
 use std::f64::consts::PI;
 use std::fmt::Write;
 
@@ -120,13 +119,7 @@ impl Guesser<'_> {
     }
 
     fn numbers(&self, column: usize) -> Vec<f64> {
-        match &self.frame.columns[column].values {
-            Values::Numbers(values) => values.clone(),
-            Values::Integers(values) | Values::Instants(values, _) => values
-                .iter()
-                .map(|value| value.map_or(f64::NAN, |value| value as f64))
-                .collect(),
-        }
+        self.frame.columns[column].values.numbers()
     }
 }
 

@@ -83,7 +83,7 @@ struct Reader {
 
 impl Reader {
     fn subsystem_at(&self, head: &[u8; HEAD_BYTES]) -> Option<u64> {
-        let bytes = head[SUBSYSTEM_AT].as_array()?;
+        let bytes = head[SUBSYSTEM_AT].first_chunk()?;
         Some(match self.big_end_first {
             true => u64::from_be_bytes(*bytes),
             false => u64::from_le_bytes(*bytes),
