@@ -218,6 +218,15 @@ fn numbers_that_are_not_the_joints_alone_are_doubtful() {
 }
 
 #[test]
+fn a_log_without_the_gripper_has_the_arms_own_numbers() {
+    let robot = ["arm_joint1", "arm_joint2", "finger_left", "finger_right"];
+    let guess = named("q1,q2,tau1,tau2", &robot);
+    assert_eq!(doubts(&guess), [""; 0], "{:?}", guess.columns);
+    let of: Vec<&str> = guess.columns.iter().map(|found| &*found.joint).collect();
+    assert_eq!(of, ["arm_joint1", "arm_joint1", "arm_joint2", "arm_joint2"]);
+}
+
+#[test]
 fn an_arm_goes_before_its_hand_whichever_comes_first() {
     let header = "q_hand1,q_hand2,qd_hand1,qd_hand2,tau_hand1,tau_hand2,q1,q2,tau1,tau2,q_hand3";
     let guess = named(header, &["shoulder", "elbow"]);

@@ -1,7 +1,7 @@
 //! Joints by their number: when `q1`, `q2` and so on may be taken for a robot's joints.
 //!
 //! A number tells a joint by custom only, so everything about it has to fit: the names are of one family, they count all of the
-//! robot's joints and no more, and no joint goes by its name instead. An arm's log has fingers, forces and wheels beside its joints,
+//! robot's joints and no more, or are its joints' own numbers, and no joint goes by its name instead. An arm's log has fingers, forces and wheels beside its joints,
 //! and these are counted too.
 
 use super::GuessJoint;
@@ -149,8 +149,9 @@ impl<'a> Families<'a> {
         if let Some(beyond) = &group.beyond {
             return Some(format!("which go on to `{beyond}`, beyond the robot's"));
         }
+        // Numbers that the robot's joints have themselves need not be all: its gripper is in few logs.
         let (found, count) = (group.joints.len(), self.joints.len());
-        if found < count {
+        if found < count && member.by == By::Count {
             return Some(format!("of which it has {found} of the robot's {count}"));
         }
         let other_name = || {
