@@ -106,7 +106,13 @@ async def moves(transport):
     reply = await controller.query()
     assert abs(reply.values[Register.POSITION] - target) < 0.02, reply
     await controller.set_brake()
-    assert (await controller.query()).values[Register.MODE] in (Mode.BRAKE, 2, 3), "no brake"
+    # a question may come before the drive's next step
+    for _ in range(100):
+        mode = (await controller.query()).values[Register.MODE]
+        if mode in (Mode.BRAKE, 2, 3):
+            break
+        await asyncio.sleep(0.01)
+    assert mode in (Mode.BRAKE, 2, 3), f"no brake but {mode}"
     await controller.set_stop()
 
 
