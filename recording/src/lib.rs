@@ -53,6 +53,7 @@ mod sources;
 mod statistics;
 mod table;
 mod window;
+mod wrapped;
 mod writer;
 
 pub use check::{CheckJoint, CheckRobot, Finding, FindingKind, STILL_RAD, Severity, check};
@@ -80,13 +81,22 @@ pub const JOINTS_MAX: usize = 256;
 /// The most values of a Parquet file that are read: a few bytes of it may stand for any number of equal ones.
 pub const VALUES_MAX: usize = 1 << 29;
 
-/// The recording as it was measured: without misread values, and with straight lines where values were repeated until the next one came.
+/// The recording as it was measured: with positions that go on where an encoder begins anew, without misread values, and with straight lines
+/// where values were repeated until the next one came.
 #[must_use]
 pub fn as_measured(recording: &Recording) -> Cow<'_, Recording> {
-    match misread::without_misread(recording) {
-        Cow::Borrowed(recording) => held::without_held(recording),
-        Cow::Owned(recording) => Cow::Owned(held::without_held(&recording).into_owned()),
+    let steps: [fn(&Recording) -> Cow<'_, Recording>; 3] = [
+        wrapped::without_wraps,
+        misread::without_misread,
+        held::without_held,
+    ];
+    let mut whole = Cow::Borrowed(recording);
+    for step in steps {
+        if let Cow::Owned(changed) = step(&whole) {
+            whole = Cow::Owned(changed);
+        }
     }
+    whole
 }
 
 /// Reads a recording or a log, with the mapping file beside it if there is one: `NAME.mapping.toml` for `NAME.csv`, or

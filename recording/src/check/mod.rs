@@ -15,7 +15,7 @@ pub use motion::STILL_RAD;
 
 use crate::statistics::span;
 use crate::{JointColumns, Recording, Signal};
-use crate::{as_measured, held, misread};
+use crate::{as_measured, held, misread, wrapped};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -61,6 +61,8 @@ pub enum FindingKind {
     MissingValues,
     /// A signal stays while the joint moves.
     StuckSignal,
+    /// A position begins anew after a turn.
+    Wrapped,
     /// A position leaps away and back.
     Misread,
     /// Values are repeated until the next ones come.
@@ -160,6 +162,7 @@ impl CheckRobot {
 #[must_use]
 pub fn check(recording: &Recording, robot: Option<&CheckRobot>) -> Vec<Finding> {
     let mut findings = timing::check(recording);
+    findings.extend(wrapped::check(recording));
     findings.extend(misread::check(recording));
     findings.extend(held::check(recording));
     let recording = &*as_measured(recording);

@@ -411,11 +411,20 @@ fn explain(
     if *kind == FindingKind::WrongScale && wrong.signal == Signal::MotorPositionRad {
         return ratio::wrong(joint, factor * seen.gear_ratio.unwrap_or(1.0), seen);
     }
-    let what = format!(
+    let mut what = format!(
         "{:.4} times what {} says: {text}",
         wrong.measured, wrong.against
     );
-    let remedy = format!("multiply its scale by {:.8}", 1.0 / factor);
+    let mut remedy = format!("multiply its scale by {:.8}", 1.0 / factor);
+    // one joint does not tell a wrong velocity from a wrong time
+    let of_velocity = seen.velocities.iter().any(|of| of.signal == wrong.signal);
+    if of_velocity && *kind == FindingKind::WrongScale {
+        what.push_str(", or the time is");
+        remedy.push_str(&format!(
+            "; or, if it is right, the scale of `time_s` by {0:.8}, and `sample_rate_hz` by {factor:.8}",
+            1.0 / factor
+        ));
+    }
     Finding::error(*kind, what)
         .at(joint)
         .of(wrong.signal)
