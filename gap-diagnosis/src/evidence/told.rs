@@ -34,7 +34,7 @@ pub const TEMPERATURE: f64 = 1.0;
 fn reason(verdict: Verdict, has_names: bool, [taken, left]: [f64; 2], drives: bool) -> String {
     let names_take = |limit: f64| {
         let [taken, limit] = [taken.max(0.0), limit].map(|share| 100.0 * share);
-        format!("the names take {taken:.0} % of the gap, less than {limit:.0} %")
+        format!("the names take {taken:.1} % of the gap, less than {limit:.0} %")
     };
     match verdict {
         Verdict::PartlyExplained if taken >= EXPLAINED => format!(
@@ -230,8 +230,7 @@ impl Found<'_> {
         let over_velocity = remaining_over
             .iter()
             .any(|rest| rest.over == Remains::Velocity);
-        let power = rest_nm.iter().zip(&self.rows.velocity_rad_s);
-        let drives = over_velocity && power.map(|(nm, v)| nm * v).sum::<f64>() < 0.0;
+        let drives = over_velocity && self.drives(&rest_nm);
         let report = JointReport {
             joint: self.joint.to_owned(),
             verdict,
@@ -446,6 +445,18 @@ impl Found<'_> {
             .filter(move |come| is_missed && !kinds.contains(&self.called.kind(*come)))
             .map(move |come| (come, self.evidence.apart(names, gone, Some(come))))
             .filter(|(_, apart)| *apart <= ALIKE)
+    }
+
+    /// Whether what is left goes with the velocity for certain, by a line through zero: no friction does.
+    fn drives(&self, rest_nm: &[f64]) -> bool {
+        let sum = |of: fn(f64, f64) -> f64| -> f64 {
+            let rows = rest_nm.iter().zip(&self.rows.velocity_rad_s);
+            rows.map(|(nm, rad_s)| of(*nm, *rad_s)).sum()
+        };
+        let power = sum(|nm, rad_s| nm * rad_s);
+        let squares = sum(|nm, _| nm * nm) * sum(|_, rad_s| rad_s * rad_s);
+        let rows = self.evidence.independent_rows();
+        power < 0.0 && rows * power * power > DEVIATIONS.powi(2) * (squares - power * power)
     }
 
     /// `above`: mean square above the noise that shares are parts of.

@@ -43,6 +43,7 @@ pub struct Unit {
 }
 
 /// A joint's sets of names, without and with a shared cause.
+#[derive(Clone)]
 pub struct Searched {
     /// What decides among them.
     pub evidence: Evidence,
@@ -194,16 +195,13 @@ impl Joint {
 
     /// Searched without a shared cause, and from then on in another unit of torque, if that explains more than names do, or other masses
     /// would, by three standard deviations. Where masses and friction need another torque by a factor that no torque constant is off by, the factor is unknown and beside
-    /// every set.
-    pub fn alone(&mut self) -> Searched {
-        let alone = self.searched(None);
+    /// every set. `alone`: searched as it was recorded.
+    pub fn in_another_unit(&self, alone: &Searched) -> Option<(Self, Searched)> {
         // what is reckoned from the file's own gains has the file's unit
         if self.source == TorqueSource::Controller {
-            return alone;
+            return None;
         }
-        let Some((other, searched, size_nm)) = self.in_other_unit() else {
-            return alone;
-        };
+        let (other, searched, size_nm) = self.at_another_size()?;
         // Masses may be missing, or too many. Friction that was measured tells the unit as well, and other masses would be one more cause;
         // who did not measure it knows the masses no better.
         let masses_cost = if self.drive.rubs_unmeasured() {
@@ -221,23 +219,24 @@ impl Joint {
             ..self.clone()
         };
         let ahead_nats = [
-            searched.ahead_of(&alone, size_nm),
+            searched.ahead_of(alone, size_nm),
             searched.ahead_of(&other_masses, size_nm) + masses_cost,
             searched.ahead_of(&without.searched(None), 1.0),
         ];
         let ahead_nats = ahead_nats.into_iter().fold(f64::INFINITY, f64::min);
-        if ahead_nats < 0.5 * DEVIATIONS.powi(2) {
-            return alone;
-        }
-        self.rows = other.rows;
-        self.unit = Some(Unit {
+        let unit = Some(Unit {
             size_nm,
             ahead_nats,
         });
-        searched
+        (ahead_nats >= 0.5 * DEVIATIONS.powi(2)).then(|| (Self { unit, ..other }, searched))
     }
 
-    fn in_other_unit(&self) -> Option<(Self, Searched, f64)> {
+    /// The torque's unit, in N m as recorded.
+    pub fn unit_nm(&self) -> f64 {
+        self.unit.map_or(1.0, |unit| unit.size_nm)
+    }
+
+    fn at_another_size(&self) -> Option<(Self, Searched, f64)> {
         /// The unit settles beside the names, which settle with it.
         const ROUNDS: usize = 2;
         let mut laws = self.rows.laws.iter();
@@ -284,6 +283,23 @@ impl Joint {
         })
     }
 
+    /// That the robot file is of no use: with all that is told, more than the whole torque is left.
+    pub fn note_of_file(&self, told: &JointReport) -> Option<DataFinding> {
+        let torque_nm = &self.rows.seen.measured_nm;
+        let square = torque_nm.iter().map(|x| x * x).sum::<f64>();
+        let torque_nm = (square / torque_nm.len().max(1) as f64).sqrt();
+        let left_nm = told.gap.torque_rms_nm.after;
+        (left_nm > torque_nm).then(|| DataFinding {
+            joint: Some(told.joint.clone()),
+            severity: "warning".to_owned(),
+            what: format!(
+                "the robot file and all that is told leave {left_nm:.3} Nm rms of a torque of {torque_nm:.3} Nm rms: nothing at all would \
+                 leave less, so that neither is to be believed"
+            ),
+            remedy: "check the file's masses and inertias, and the torque's unit, sign and joint".to_owned(),
+        })
+    }
+
     /// What was taken for its torque, and by the torque constants of the file and of what is told what the motor's is. A sensor behind
     /// the gear measures for itself.
     pub fn torque(&self, told: &JointReport) -> JointTorque {
@@ -294,7 +310,7 @@ impl Joint {
         let gain = self.drive.model().torque_gain * gains.map(|gain| gain.value).product::<f64>();
         JointTorque {
             source: self.source,
-            unit: self.unit.map_or(1.0, |unit| unit.size_nm),
+            unit: self.unit_nm(),
             motor_per_recorded: if self.source == TorqueSource::Sensor {
                 1.0
             } else {

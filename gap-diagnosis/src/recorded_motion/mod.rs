@@ -37,6 +37,7 @@ use joint::{Joint, Searched};
 use laws::Laws;
 use motion::{Piece, Read};
 use rows::{JointRows, Sign};
+use shared::Arm;
 use usable::Usable;
 
 /// Diagnoses a robot along the motion that was recorded. Effects below `materiality` are minor ones.
@@ -96,14 +97,14 @@ pub fn diagnose(
             });
             usable.against[joint.index] = Some(why);
         }
-        let mut joints = of_right_sign;
         report.data.extend(untold(robot, &usable.read, &pieces));
-        let (mut alone, mut all) = shared::searched(robot, &mut joints, progress);
+        let (mut arms, mut all) = shared::searched(robot, of_right_sign, progress);
         // what explains little of every joint is no cause of theirs: it is left out, and nothing else takes its place
         let said = loop {
             let best = &mut all[0];
-            without_imitations(&joints, &mut alone, &mut best.with);
-            let said = said(robot, &joints, &alone, best, materiality);
+            let Arm { joints, alone } = &mut arms[best.arm];
+            without_imitations(joints, alone, &mut best.with);
+            let said = said(robot, joints, alone, best, materiality);
             let mattering: Vec<Cause> = best
                 .causes()
                 .enumerate()
@@ -116,7 +117,8 @@ pub fn diagnose(
             all.retain(|found| found.causes().all(|cause| mattering.contains(&cause)));
         };
         let probabilities = Cause::ALL.map(|cause| shared::probability(cause, &all));
-        let shared = all.swap_remove(0).shared;
+        let shared::Found { arm, shared, .. } = all.swap_remove(0);
+        let joints = arms.swap_remove(arm).joints;
         let mut of_shared = vec![BTreeMap::new(); shared.len()];
         let mut told = joints.iter().zip(said).peekable();
         for (index, file) in robot.joints.iter().enumerate() {
@@ -140,6 +142,7 @@ pub fn diagnose(
             traces.push(traces_of(&file.name, &joint.rows, &said.fit));
             let mut told = said.report;
             told.torque = Some(joint.torque(&told));
+            report.data.extend(joint.note_of_file(&told));
             report.data.extend(note_of_scale(&told));
             report.data.extend(note_of_sensor(&told));
             report.joints.push(told);
@@ -167,11 +170,15 @@ pub fn diagnose(
 fn note_of_scale(told: &JointReport) -> Option<DataFinding> {
     let factor = told.motor_per_recorded();
     let beside = told.named().count() > 1 || !told.remaining_over.is_empty();
+    let by = match told.torque.map(|torque| torque.source) {
+        Some(TorqueSource::Controller) => "by the controller's gains",
+        _ => "as recorded",
+    };
     (factor != 1.0 && beside).then(|| DataFinding {
         joint: Some(told.joint.clone()),
         severity: "note".to_owned(),
         what: format!(
-            "beside its torque constant, torques are in newton metres as recorded; the motor's are {factor:.3} times as much, and \
+            "beside its torque constant, torques are in newton metres {by}; the motor's are {factor:.3} times as much, and \
              `flexspline gap apply` writes those"
         ),
         remedy: String::new(),
@@ -190,7 +197,9 @@ fn note_of_sensor(told: &JointReport) -> Option<DataFinding> {
     let gain = value(EffectKind::TorqueConstantError, "gain");
     let offset_nm = value(EffectKind::TorqueOffset, "offset_nm");
     // the motor's offset helps, and what the sensor shows is less by it
-    let added = offset_nm.map(|nm| format!("add {:.3} to its offset", nm * gain.unwrap_or(1.0)));
+    let added = offset_nm.map(|nm| format!("{:.3}", nm * gain.unwrap_or(1.0)));
+    let added = added.filter(|nm| nm.trim_start_matches('-') != "0.000");
+    let added = added.map(|nm| format!("add {nm} to its offset"));
     let scaled = gain.map(|gain| {
         format!(
             "multiply its scale{} by {gain:.3}",
@@ -237,7 +246,12 @@ fn untold(robot: &Robot, read: &[Read], pieces: &[Piece]) -> Option<DataFinding>
                 if let Some(step_rad) = motion.step_rad.filter(|_| stated.is_none()) {
                     lines.push(format!("{key} = {step_rad:.2e}"));
                 }
-                if read.torque == Some(TorqueSource::Drive) && file.torque_noise_nm == 0.0 {
+                let of_drive = read.torque == Some(TorqueSource::Drive);
+                let torque_nm = motion.torque_nm.iter().flatten();
+                let largest_nm = torque_nm.fold(0.0, |largest: f64, nm| largest.max(nm.abs()));
+                // what a number's digits make is no noise
+                let is_seen = motion.noise_nm > f64::from(f32::EPSILON) * largest_nm;
+                if of_drive && file.torque_noise_nm == 0.0 && is_seen {
                     let noise_nm = motion.noise_nm / file.gear_ratio.abs();
                     lines.push(format!("torque_noise_nm = {noise_nm:.1e}"));
                 }

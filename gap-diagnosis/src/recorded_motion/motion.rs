@@ -218,7 +218,7 @@ fn joint(
         Some(TorqueSource::Controller) => noise_of_controller(robot, index, &raw_rad, rate_hz),
         _ => torque_nm.as_deref().and_then(noise_std),
     };
-    let step_rad = step(&raw_rad);
+    let step_rad = recording::step(&raw_rad);
     let velocity_rad_s = derivative(&smooth_rad, 1.0 / rate_hz);
     let moving = is_moving(&raw_rad, &velocity_rad_s, step_rad, rate_hz);
     Ok(JointMotion {
@@ -237,7 +237,7 @@ fn joint(
 }
 
 /// Row by row, whether a joint moves, and has and will as far as the compared band reaches: while it stands friction may be anything up to
-/// its breakaway. It stands where it goes no further than its encoder's step, or where that is not seen its noise, in the time in which it
+/// its breakaway. It stands where it goes no further than its encoder's step and noise, in the time in which it
 /// usually goes three times as far, and no less than a period of motion. Where that is more than one of the band, nothing tells motion from
 /// standing.
 fn is_moving(
@@ -247,10 +247,8 @@ fn is_moving(
     rate_hz: f64,
 ) -> Vec<bool> {
     // one step to and fro is no motion; nor is noise within its deviations to both sides
-    let still_rad = match step_rad {
-        Some(step_rad) => 1.5 * step_rad,
-        None => 2.0 * DEVIATIONS * noise_std(position_rad).unwrap_or(0.0),
-    };
+    let of_step_rad = 1.5 * step_rad.unwrap_or(0.0);
+    let still_rad = of_step_rad.max(2.0 * DEVIATIONS * noise_std(position_rad).unwrap_or(0.0));
     let square = velocity_rad_s.iter().map(|v| v * v).sum::<f64>();
     let usual_rad_s = (square / velocity_rad_s.len().max(1) as f64).sqrt();
     let time_s = DEVIATIONS * still_rad / usual_rad_s.max(f64::MIN_POSITIVE);
@@ -275,29 +273,6 @@ fn is_moving(
     (0..position_rad.len())
         .map(|row| !near(row, COMPARED_HZ.recip()).any(|row| stands[row]))
         .collect()
-}
-
-/// The step by which values change, where nearly all changes are whole numbers of the smallest.
-fn step(values: &[f64]) -> Option<f64> {
-    /// Part of the changes that must be.
-    const NEARLY_ALL: f64 = 0.9;
-    /// How far from a whole number.
-    const WHOLE: f64 = 0.05;
-    /// Steps beyond which rounding in the file hides what is whole.
-    const STEPS: f64 = 20.0;
-    /// Changes of so few steps that are needed to tell.
-    const FEW: usize = 50;
-    let changes = values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-    let changes: Vec<f64> = changes.filter(|change| *change > 0.0).collect();
-    let smallest = changes.iter().copied().fold(f64::INFINITY, f64::min);
-    let few = changes.iter().map(|change| change / smallest);
-    let few: Vec<f64> = few.filter(|steps| *steps < STEPS).collect();
-    let whole = few
-        .iter()
-        .filter(|steps| (*steps - steps.round()).abs() < WHOLE)
-        .count();
-    let is_step = few.len() >= FEW && whole as f64 > NEARLY_ALL * few.len() as f64;
-    is_step.then_some(smallest)
 }
 
 fn thinned(values: &[f64], every: usize) -> Vec<f64> {

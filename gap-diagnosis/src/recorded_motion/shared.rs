@@ -12,8 +12,18 @@ use crate::evidence::arm::{self, Cause, ROUNDS, Shared};
 use crate::evidence::told::TEMPERATURE;
 use crate::on_all_cores::OnAllCores;
 
+/// All joints by themselves, their torques in some units.
+pub struct Arm {
+    /// What is regressed of them.
+    pub joints: Vec<Joint>,
+    /// The best sets of each.
+    pub alone: Vec<Searched>,
+}
+
 /// Causes that the arm may share, with every joint beside them.
 pub struct Found {
+    /// In which units torques are: the place among the arms.
+    pub arm: usize,
     /// None where a joint has no say.
     pub with: Vec<Option<Searched>>,
     /// The causes; none of them is one of the possibilities.
@@ -30,37 +40,52 @@ pub struct Prior {
     pub message: Message,
 }
 
-/// The best sets of every joint by itself, and beside all causes that the arm may share, the most probable first. The last is none.
+/// The best sets of every joint by itself, and beside all causes that the arm may share, the most probable first. The last is none. Where
+/// a joint's torque seems to have another unit, one load that all joints carry may be why as well: that is looked at with all torques as
+/// they were recorded.
 pub fn searched(
     robot: &Robot,
-    joints: &mut [Joint],
+    joints: Vec<Joint>,
     progress: &(dyn Fn(Progress) + Sync),
-) -> (Vec<Searched>, Vec<Found>) {
+) -> (Vec<Arm>, Vec<Found>) {
     let done = AtomicUsize::new(0);
-    let alone: Vec<Searched> = joints
-        .iter_mut()
+    let (alone, others): (Vec<Searched>, Vec<Option<(Joint, Searched)>>) = joints
+        .iter()
         .on_all_cores(|joint| {
-            let searched = joint.alone();
+            let alone = joint.searched(None);
+            let other = joint.in_another_unit(&alone);
             progress(Progress {
                 done: done.fetch_add(1, Ordering::Relaxed) + 1,
                 of: robot.joints.len(),
             });
-            searched
+            (alone, other)
         })
-        .collect();
+        .unzip();
+    let recorded = Arm { joints, alone };
+    let arms = if others.iter().any(Option::is_some) {
+        let same = recorded.joints.iter().zip(&recorded.alone);
+        let (joints, alone) = same
+            .zip(others)
+            .map(|((joint, alone), other)| other.unwrap_or_else(|| (joint.clone(), alone.clone())))
+            .unzip();
+        vec![Arm { joints, alone }, recorded]
+    } else {
+        vec![recorded]
+    };
     let [payload, tilt] = Cause::ALL;
     let causes: [&[Cause]; 3] = [&[payload], &[tilt], &Cause::ALL];
-    let all = causes.into_iter();
+    let all = (0..arms.len()).flat_map(|arm| causes.map(|causes| (arm, causes)));
     let mut all: Vec<Found> = all
-        .filter_map(|causes| beside(robot, joints, &alone, causes))
+        .filter_map(|(arm, causes)| beside(robot, &arms, arm, causes))
         .collect();
     all.sort_by(|a, b| b.nats.total_cmp(&a.nats));
     all.push(Found {
-        with: joints.iter().map(|_| None).collect(),
+        arm: 0,
+        with: arms[0].joints.iter().map(|_| None).collect(),
         shared: Vec::new(),
         nats: 0.0,
     });
-    (alone, all)
+    (arms, all)
 }
 
 impl Found {
@@ -79,8 +104,10 @@ pub fn probability(cause: Cause, all: &[Found]) -> f64 {
     with / all.iter().map(weight).sum::<f64>()
 }
 
-/// Every joint beside shared causes; none where fewer than two joints see them, or they are not worth their cost.
-fn beside(robot: &Robot, joints: &[Joint], alone: &[Searched], causes: &[Cause]) -> Option<Found> {
+/// Every joint of one of the arms beside shared causes, against the first arm without any; none where fewer than two joints see them, or
+/// they are not worth their cost.
+fn beside(robot: &Robot, arms: &[Arm], arm: usize, causes: &[Cause]) -> Option<Found> {
+    let joints = &arms[arm].joints;
     // a torque in another unit tells nothing of what the arm carries
     let mut gravity = Gravity::of(robot);
     let sees: Vec<bool> = joints
@@ -157,14 +184,23 @@ fn beside(robot: &Robot, joints: &[Joint], alone: &[Searched], causes: &[Cause])
             .on_all_cores(|((joint, prior), sees)| sees.then(|| joint.searched(Some(prior))))
             .collect();
     }
-    let gained = alone
-        .iter()
-        .zip(&with)
-        .filter_map(|(alone, with)| Some(with.as_ref()?.ahead_of(alone, 1.0)));
+    let none = arms[0].joints.iter().zip(&arms[0].alone);
+    let beside = joints.iter().zip(&arms[arm].alone).zip(&with);
+    let gained = none
+        .zip(beside)
+        .map(|((none, without), ((joint, alone), with))| {
+            let with = with.as_ref().unwrap_or(alone);
+            with.ahead_of(without, joint.unit_nm() / none.unit_nm())
+        });
     let own: Vec<Option<Message>> = own
         .iter()
         .map(|said| Some(gravity.as_tilt(causes, said.as_ref()?)))
         .collect();
     let (shared, nats) = arm::found(causes, robot, &own, gained.sum())?;
-    Some(Found { with, shared, nats })
+    Some(Found {
+        arm,
+        with,
+        shared,
+        nats,
+    })
 }
