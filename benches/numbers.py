@@ -4,7 +4,7 @@
     benches/numbers.py [--list] [CRATE]
 
 A number is a constant with a numeric value, or a decimal in the code itself: 0, 0.5, 1 and whole numbers up to 4 are formulas and do
-not count. Constants that decide what is told stand in docs/gap-numbers.md with unit and source; constants of the computation (steps,
+not count, nor does a constant that is one of another constant. Constants that decide what is told stand in docs/gap-numbers.md with unit and source; constants of the computation (steps,
 capacities, limits of iterations) stand there too, by themselves. A constant that stands in neither table, stands there with another
 value, or stands there and is no more, is an error: exit 1.
 """
@@ -55,12 +55,19 @@ def is_test_only(path):
     return parent.is_file() and f"#[cfg(test)]\nmod {path.stem};" in parent.read_text()
 
 
+def is_formula(value):
+    """Whether a constant's value is made of others by numbers that do not count."""
+    names = re.findall(r"[A-Z][A-Z0-9_]+", value)
+    digits = re.findall(r"(?<![\w.])\d[\d_.]*(?:e-?\d+)?", value)
+    return bool(names) and all(float(x) in FORMULAS for x in digits)
+
+
 def numbers(source):
     """Constants with their values, and bare decimals."""
     constants = [
         (name, " ".join(value.split()))
         for name, kind, value in CONSTANT.findall(source)
-        if NUMERIC.search(kind) and re.search(r"\d", value)
+        if NUMERIC.search(kind) and re.search(r"\d", value) and not is_formula(value)
     ]
     rest = CONSTANT.sub(lambda of: "" if NUMERIC.search(of[2]) else of[0], source)
     decimals = [x for x in re.findall(NUMBER, rest) if float(x) not in FORMULAS]

@@ -247,3 +247,19 @@ fn a_torque_in_another_unit_says_nothing_of_what_the_arm_carries() {
     let shoulder = &report.joints[1];
     assert_eq!(shoulder.effects[0].effect, "coulomb_friction");
 }
+
+#[test]
+fn a_load_far_heavier_than_the_file_s_links_is_no_unit_of_the_torques_that_carry_it() {
+    let report = told(vec![Effect::Payload {
+        mass_kg: 12.0,
+        centre_m: [0.0, 0.03, 0.25],
+    }]);
+    let shared = &report.shared_effects;
+    assert_eq!(shared[0].effect.effect, "payload");
+    let mass_kg = shared[0].effect.parameters["mass_kg"].value;
+    assert!((mass_kg / 12.0 - 1.0).abs() < 0.1, "{mass_kg}");
+    for joint in &report.joints {
+        let unit = joint.torque.unwrap().unit;
+        assert!((unit - 1.0).abs() < 1e-12, "{}: {unit}", joint.joint);
+    }
+}

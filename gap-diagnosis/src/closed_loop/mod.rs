@@ -125,7 +125,7 @@ impl<'a> Joint<'a> {
         search.repeats_nm = repeated.scatter_nm(name, &search)?;
         Ok(Self {
             index,
-            compared: Compared::of(&search, poverty.is_some()),
+            compared: Compared::of(&search),
             poverty,
             settled: counted::settled(counted, &search.scale),
             search,
@@ -480,7 +480,7 @@ pub fn one(twin: &JointTwin<'_>, name: &str) -> Result<OfOne, TwinError> {
 pub(crate) fn about_the_file(search: &Search<'_>) -> Result<About, TwinError> {
     About::of(
         search,
-        &Compared::of(search, false),
+        &Compared::of(search),
         &Model::of_settled(search, &[]),
     )
 }

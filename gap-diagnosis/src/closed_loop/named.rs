@@ -78,7 +78,7 @@ fn best_of(about: &About, evidence: &Evidence, names: &[&str]) -> Names {
 /// # Errors
 /// [`TwinError`].
 pub fn refitted(search: &Search<'_>, start: &Model) -> Result<Model, TwinError> {
-    let compared = Compared::of(search, false);
+    let compared = Compared::of(search);
     let about = About::of(search, &compared, start)?;
     let settled: Vec<Settled> = compared
         .spans

@@ -14,9 +14,6 @@ use crate::on_all_cores::OnAllCores;
 /// Names among which one costs [`NAME_NATS`]; among more the odds against each are longer. Before anything is seen it is then one to five
 /// that a joint has any of them; fitted to 200 development cases, so that what is stated with a probability holds as often.
 const AMONG: f64 = 4.0;
-/// [`INEXACT`] on motion of one speed, direction or frequency, where two laws differ in nothing but the short times in which the joint turns
-/// or starts, of which no law is true.
-const INEXACT_ON_POOR_MOTION: f64 = 0.075;
 /// What every joint may have.
 const USUAL: [&str; 3] = ["coulomb_friction", "viscous_friction", "torque_offset"];
 
@@ -32,9 +29,8 @@ pub struct Compared {
 }
 
 impl Compared {
-    /// Rows signal by signal. What nobody can tell of a row lets it count less; the mean square of the weights is one. `is_poor`: the joint
-    /// moves at one speed, in one direction or at one frequency.
-    pub fn of(search: &Search<'_>, is_poor: bool) -> Self {
+    /// Rows signal by signal. What nobody can tell of a row lets it count less; the mean square of the weights is one.
+    pub fn of(search: &Search<'_>) -> Self {
         let rows = &search.twin.rows;
         let mut order = Vec::with_capacity(rows.len());
         let mut weights = Vec::with_capacity(rows.len());
@@ -59,11 +55,7 @@ impl Compared {
             order,
             weights,
             spans,
-            inexact: if is_poor {
-                INEXACT_ON_POOR_MOTION
-            } else {
-                INEXACT
-            },
+            inexact: INEXACT,
         }
     }
 

@@ -13,9 +13,6 @@ use crate::signal::random::uniform;
 use crate::twin::TwinError;
 use crate::twin::observe::Channel;
 
-/// Within this part of a limit a shape counts as on it.
-const AT_BOUND: f64 = 0.02;
-
 /// Mean square of a channel's residual, rows as they count.
 pub fn mean_square(search: &Search<'_>, residual_nm: &[f64], channel: Channel) -> f64 {
     let rows = search.twin.rows.iter().enumerate();
@@ -133,5 +130,5 @@ fn at_bound(search: &Search<'_>, term: &Term) -> bool {
     }
     let [low, high] = term.hypothesis.shape_range(&search.scale);
     let shape = term.hypothesis.shape[0];
-    shape < low * (1.0 + AT_BOUND) || shape > high * (1.0 - AT_BOUND)
+    shape <= low || shape >= high
 }

@@ -5,9 +5,6 @@ use nalgebra::{DMatrix, DVector};
 use super::sums::dot;
 use super::{ALIKE, DEVIATIONS, Evidence, Names};
 
-/// Part of its square that shows in a few waves for it to be one of them: more than half.
-const MOSTLY: f64 = 0.5;
-
 impl Evidence {
     /// Nats by which a set with another item, or with none, would stay behind if `names` were the truth: what `gone`'s part leaves where
     /// `come` takes its place and everything else gives way. Laws that differ by less than they are inexact are not apart.
@@ -74,10 +71,9 @@ impl Evidence {
         let target = shown(&part);
         let columns = self.own[come].clone().map(|place| {
             let column = &self.columns[place][..part.len()];
-            let shown = shown(column);
-            (shown.norm_squared() > MOSTLY * dot(column, column)).then_some(shown)
+            shown(column)
         });
-        let columns = columns.collect::<Option<Vec<_>>>()?;
+        let columns: Vec<DVector<f64>> = columns.collect();
         let matrix = DMatrix::from_columns(&columns);
         let solved = matrix.clone().svd(true, true).solve(&target, ALIKE).ok()?;
         Some((&target - matrix * solved).norm_squared() / target.norm_squared())

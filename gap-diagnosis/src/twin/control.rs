@@ -9,8 +9,6 @@ use robot::{Control, Robot};
 use crate::signal::smooth::low_pass;
 use crate::twin::simulate::{Between, Feedback, Way};
 
-/// A loop is faster than the recording if its rate is higher by this factor.
-const FASTER: f64 = 1.5;
 /// Bandwidth of the gains that keep a simulation on the recorded motion.
 const TRACKING_RAD_S: f64 = 80.0;
 /// Speed that one step of an encoder may give a rotor that is held on what it shows.
@@ -40,7 +38,7 @@ pub fn told(robot: &Robot, joint: usize, rate_hz: f64) -> Result<Option<Feedback
 
 /// Whether the loop sent commands between two rows of the recording.
 pub(crate) fn is_slower_than_loop(control: &Control, rate_hz: f64) -> bool {
-    control.rate_hz > FASTER * rate_hz
+    (control.rate_hz / rate_hz).round() > 1.0
 }
 
 /// What a recorded torque did until the next.

@@ -17,13 +17,8 @@ use crate::twin::load::{LoadChange, Motion};
 pub const PART_MIN: f64 = 0.05;
 /// Relative change by which a link's share of the load is found.
 const LINK_STEP: f64 = 0.1;
-/// Standard deviation of the lag of a current loop that no file speaks of.
-const LAG_S: f64 = 2e-4;
 /// How far the corners of a published table may be rounded off.
 const ROUNDING_NM: f64 = 1.0;
-/// Part of the friction at rest that may be left where a load that drives the motion eases it, by its table, to nothing or less:
-/// gears rub however they are driven, and no table tells how much.
-const LEAST_PART: f64 = 0.1;
 /// In creeping motion friction is less than its law says: by about this part, below about this speed. First of joints whose bristles
 /// have not all bent; then of those that drag as they begin to move, as an oil's film does and the smoothed sign of a simulator.
 const CREEPS: [(f64, f64); 2] = [(0.15, 0.015), (0.3, 0.003)];
@@ -61,12 +56,8 @@ pub enum Known {
     Inertia(usize),
     /// How far friction bends before it slips.
     Presliding,
-    /// Of the current loop.
-    Lag,
     /// Corners of the load torque.
     Rounding,
-    /// What is left of friction under whatever load: joint-side torque.
-    Least,
     /// How much less friction there is in creeping motion, the slower of two ways: joint-side torque.
     Creep(usize),
     /// How much later the link's encoder is read than the motor's.
@@ -176,10 +167,7 @@ pub struct KnownValue {
 impl KnownValue {
     /// Whether it cannot be negative.
     pub fn is_positive(&self) -> bool {
-        matches!(
-            self.known,
-            Known::Lag | Known::Rounding | Known::Least | Known::Creep(_)
-        )
+        matches!(self.known, Known::Rounding | Known::Creep(_))
     }
 
     /// Changes the model by so many standard deviations.
@@ -208,13 +196,11 @@ impl KnownValue {
             }
             Known::Waviness(..) => {}
             Known::Presliding => model.presliding_rad *= change.exp(),
-            Known::Lag => model.current_lag_s += change.max(0.0),
             Known::Rounding => {
                 if let Some(law) = &mut friction.load_torque {
                     law.knee_rounding_nm += change.max(0.0);
                 }
             }
-            Known::Least => friction.least_nm += change.max(0.0),
             Known::Creep(way) => {
                 // there is room, or it was not to be refitted
                 friction.stribeck.push(StribeckFriction {
@@ -250,7 +236,6 @@ pub fn of_joint(
     let friction = &model.friction;
     let mut beside = |known: Known, deviation: f64| all.push(KnownValue { known, deviation });
     beside(Known::Presliding, PRESLIDING_LN);
-    beside(Known::Lag, LAG_S);
     for term in 0..friction.periodic.len().min(WAVY_TERMS) {
         beside(Known::Waviness(term, 0), WAVINESS_PART);
         beside(Known::Waviness(term, 1), WAVINESS_PART);
@@ -264,10 +249,6 @@ pub fn of_joint(
     }
     if friction.load_torque.is_some() {
         beside(Known::Rounding, ROUNDING_NM);
-        let at_rest_nm = friction.level_nm(&Sliding::at(0.0));
-        if at_rest_nm > 0.0 {
-            beside(Known::Least, LEAST_PART * at_rest_nm);
-        }
     }
     if let Some(period_s) = both_every_s {
         beside(Known::Skew, SKEW_PART * period_s);
@@ -404,27 +385,6 @@ mod tests {
             assert_eq!(level_nm(-1.0, 0.0), level_nm(0.0, 0.0));
             assert_eq!(level_nm(20.0, 0.0), nominal.friction.least_nm);
         }
-    }
-
-    #[test]
-    fn a_gear_rubs_under_a_load_that_drives_it() {
-        let robot = robot::load("pa10").unwrap();
-        let nominal = JointModel::nominal(&robot, 1);
-        let all = of_joint(&nominal, &robot.tolerance, None);
-        let least = all.iter().find(|value| value.known == Known::Least);
-        let mut rubbing = nominal.clone();
-        least.unwrap().apply(&mut rubbing, 1.0);
-        let level_nm = |model: &JointModel, load_nm: f64| {
-            model.friction.level_nm(&Sliding {
-                load_nm,
-                ..Sliding::at(0.1)
-            })
-        };
-        assert_eq!(level_nm(&nominal, -80.0), 0.0);
-        let unloaded_nm = level_nm(&nominal, 0.0);
-        let part = level_nm(&rubbing, -80.0) / unloaded_nm;
-        assert!((0.05..0.15).contains(&part), "{part}");
-        assert_eq!(level_nm(&rubbing, 0.0), unloaded_nm);
     }
 
     #[test]

@@ -41,8 +41,6 @@ pub struct Row {
     pub unseen_nm: f64,
     /// Torque that swings the rotor above the band, beyond what is usual of the recording or beyond its friction, whichever is more.
     pub vibrating_nm: f64,
-    /// Dry friction, without load and by the robot file, that such a swing takes off a slower motion.
-    pub shaken_nm: f64,
     /// How far dry friction falls, without load and by the robot file, because the joint gets faster within what the low-pass sees.
     pub falling_nm: f64,
     /// Largest torque that the drive may have made between two samples beside what a line from one to the other tells, where they come
@@ -169,12 +167,6 @@ pub(super) fn rows(pieces: &[Piece<'_>], channels: &[Channel], nominal: &JointMo
                     inertial_nm: largest_around(&moving_nm, k, around),
                     unseen_nm: largest_around(&piece.joint.unseen_nm, k, around),
                     vibrating_nm: vibrating_nm(&piece.vibration, nominal, unloaded_nm[k], k),
-                    shaken_nm: unloaded_nm[k]
-                        * piece.vibration.shaken_off(
-                            k,
-                            load.velocity_rad_s[k],
-                            nominal.presliding_rad,
-                        ),
                     falling_nm: fall_around(&load.velocity_rad_s, &unloaded_nm, k, around),
                     aliased_nm: largest_around(&aliased_nm, k, around),
                     beating_nm: beating(channel, k),
@@ -201,7 +193,6 @@ impl Row {
             inertial_nm: 0.0,
             unseen_nm: 0.0,
             vibrating_nm: 0.0,
-            shaken_nm: 0.0,
             falling_nm: 0.0,
             aliased_nm: 0.0,
             beating_nm: 0.0,

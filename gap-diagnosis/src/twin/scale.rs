@@ -3,6 +3,7 @@
 use joint_model::friction::Sliding;
 use nalgebra::{Unit, Vector3};
 
+use crate::checks::found::ROWS_MIN;
 use crate::twin::joint::JointModel;
 use crate::twin::stretch::JointStretch;
 
@@ -10,8 +11,6 @@ use crate::twin::stretch::JointStretch;
 const NEARLY_ALL: f64 = 0.999;
 /// A drive whose torque reaches this part of the largest command does not saturate.
 pub(crate) const SATURATED: f64 = 0.97;
-/// Fewer samples do not tell at which torque it does.
-const HELD_MIN: usize = 20;
 
 /// Sizes of a joint, by which steps are chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -148,7 +147,7 @@ fn held_nm<'a>(samples: impl Iterator<Item = (&'a f64, &'a f64)>, largest_nm: f6
     let beyond = samples.filter(|(command_nm, _)| SATURATED * command_nm.abs() > largest_nm);
     let mut held_nm: Vec<f64> = beyond.map(|(_, torque_nm)| torque_nm.abs()).collect();
     held_nm.sort_by(f64::total_cmp);
-    (held_nm.len() >= HELD_MIN).then(|| held_nm[held_nm.len() / 2])
+    (held_nm.len() >= ROWS_MIN).then(|| held_nm[held_nm.len() / 2])
 }
 
 /// Two directions at right angles to each other and to an axis.
@@ -176,10 +175,10 @@ mod tests {
     #[test]
     fn a_limit_is_what_is_held_not_the_largest() {
         let noise_nm = |k: usize| [0.02, 0.0, -0.02][k % 3];
-        let torque_nm: Vec<f64> = (0..99).map(|k| -2.0 + noise_nm(k)).collect();
+        let torque_nm: Vec<f64> = (0..150).map(|k| -2.0 + noise_nm(k)).collect();
         let largest_nm = 2.02;
         let held = |command_nm: f64| {
-            let command_nm = [command_nm; 99];
+            let command_nm = [command_nm; 150];
             held_nm(command_nm.iter().zip(&torque_nm), largest_nm)
         };
         assert!(held(-3.0).is_some_and(|held_nm| (held_nm - 2.0).abs() < 1e-9));

@@ -5,13 +5,14 @@ use recording::grid::{Grid, pieces};
 use recording::{JointColumns, MissingSignal, Recording, Signal};
 use robot::Robot;
 
+use crate::twin::START_S;
 use crate::twin::control;
 use crate::twin::links::{Links, Position};
 use crate::twin::load::{Load, Motion};
 use crate::twin::simulate::{Between, Drive};
 
 /// A stretch shorter than this tells nothing.
-pub const STRETCH_MIN_S: f64 = 1.0;
+pub const STRETCH_MIN_S: f64 = 2.0 * START_S;
 
 /// One joint's signals, joint side, at a constant rate.
 #[derive(Clone, Debug)]

@@ -98,8 +98,6 @@ fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor)
             let unseen = UNSEEN * row.unseen_nm / deviation_nm;
             let aliased = row.aliased_nm / deviation_nm;
             let swings = VIBRATING * row.vibrating_nm / deviation_nm;
-            // all of it: the twin swings otherwise
-            let shaken = row.shaken_nm / deviation_nm;
             let falls = FALLING * row.falling_nm / deviation_nm;
             // a beat is as quick as noise
             let beating = row.beating_nm / quick_nm.max(1e-12);
@@ -108,7 +106,6 @@ fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor)
                 + hard * hard
                 + unseen * unseen
                 + swings * swings
-                + shaken * shaken
                 + aliased * aliased
                 + beating * beating;
             *weight = 1.0 / (1.0 + less).sqrt();
