@@ -119,6 +119,8 @@ const OTHER_UNITS: &[&str] = &[
     "s", "sec", "seconds", "ms", "us", "µs", "ns", "min", "h", "hz", "khz", "m", "mm", "cm", "n",
     "kn", "v", "mv", "w", "kg", "g", "k", "bool", "int", "1", "2",
 ];
+/// Of those, what no joint's position, velocity, torque, current or temperature is in.
+const NO_JOINTS: &[&str] = &["v", "mv", "w", "hz", "khz", "kg", "g", "bool"];
 /// How units are written, and the words that are known for them.
 const SPELLINGS: &[(&str, &str)] = &[
     ("°C", "degC"),
@@ -244,6 +246,16 @@ pub(crate) fn words(name: &str) -> Vec<String> {
     words
 }
 
+/// What stands in brackets at a name's end.
+fn in_brackets(name: &str) -> Option<String> {
+    let name = spelled(name);
+    let (open, inside) = [('[', ']'), ('(', ')')]
+        .into_iter()
+        .find_map(|(open, close)| Some((open, name.trim_end().strip_suffix(close)?)))?;
+    let written = &inside[inside.rfind(open)? + 1..];
+    Some(written.trim().to_lowercase())
+}
+
 /// What the name of a column or an array says, if it says what kind of value it holds.
 pub(crate) fn meaning(name: &str) -> Option<Meaning> {
     let (mut quantity, mut is_reference, mut is_motor, mut unit) = (None, false, None, None);
@@ -287,7 +299,23 @@ pub(crate) fn meaning(name: &str) -> Option<Meaning> {
     // An action with nothing else but a number is where a policy sends the joint.
     let is_number = |word: &String| word.bytes().all(|byte| byte.is_ascii_digit());
     let is_action = is_reference && name.starts_with("action") && rest.iter().all(is_number);
-    let quantity = quantity.or(is_action.then_some(Quantity::Position))?;
+    let mut quantity = quantity.or(is_action.then_some(Quantity::Position))?;
+    // a unit in brackets is one, and knows better than a word: the current of a motor's q axis is no position
+    if let Some(written) = in_brackets(name) {
+        if NO_JOINTS.contains(&&*written) {
+            return None;
+        }
+        let known = UNITS.iter().find(|(unit, _, _)| *unit == written);
+        if let Some(found) = known
+            && !matches!(
+                (found.1, quantity),
+                (Quantity::Position, Quantity::Velocity)
+            )
+        {
+            quantity = found.1;
+            unit = Some(found);
+        }
+    }
     let scale = unit.and_then(|(_, of, scale)| match (of, quantity) {
         (of, quantity) if *of == quantity => Some(*scale),
         (Quantity::Position, Quantity::Velocity) => Some(*scale),
@@ -394,6 +422,19 @@ mod tests {
             assert_eq!((told.scale, told.rest), (Some(scale), vec![]), "{name}");
         }
         assert_eq!(meaning("comment"), None);
+    }
+
+    #[test]
+    fn a_unit_in_brackets_knows_better_than_a_word() {
+        let told = meaning("a1 q-axis [A]").unwrap();
+        assert_eq!((told.quantity, told.scale), (Quantity::Current, Some(1.0)));
+        // an actual position is none
+        let told = meaning("q_a").unwrap();
+        assert_eq!(told.quantity, Quantity::Position);
+        let told = meaning("speed [deg]").unwrap();
+        assert_eq!(told.quantity, Quantity::Velocity);
+        assert_eq!(meaning("q-axis (V)"), None);
+        assert_eq!(meaning("q1 [m]").unwrap().quantity, Quantity::Position);
     }
 
     #[test]
