@@ -136,7 +136,7 @@ fn positions(
 }
 
 /// What tells how fast a joint goes, the joint side first.
-const VELOCITIES: [Signal; 3] = [
+pub(super) const VELOCITIES: [Signal; 3] = [
     Signal::LinkVelocityRadS,
     Signal::MotorVelocityRadS,
     Signal::ReferenceVelocityRadS,

@@ -1,7 +1,7 @@
 //! Factors between signals that tell the same thing: wrong units, signs, gear sides and gear ratios.
 
 use super::meaning::{DEGREES, MEASURED, Meaning, TRACKED};
-use super::robot::has_its_step;
+use super::robot::{VELOCITIES, has_its_step};
 use super::{CheckJoint, Finding, FindingKind, mapping_line, ratio, torque, values};
 use crate::info::timing;
 use crate::statistics::line;
@@ -365,9 +365,15 @@ pub(super) fn check(
     robot: Option<&CheckJoint>,
     seen: &Scales,
 ) -> Vec<Finding> {
+    let has_velocity = |joint: &&JointColumns| {
+        VELOCITIES
+            .iter()
+            .any(|signal| joint.signals.contains_key(signal))
+    };
+    let is_only_one = recording.joints.iter().filter(has_velocity).count() == 1;
     let mut findings: Vec<Finding> = seen
         .all()
-        .map(|wrong| explain(joint, robot, seen, wrong))
+        .map(|wrong| explain(joint, robot, seen, wrong, is_only_one))
         .collect();
     findings.extend(torque::current_as_torque(joint, robot));
     if seen.positions.is_empty() {
@@ -403,6 +409,7 @@ fn explain(
     robot: Option<&CheckJoint>,
     seen: &Scales,
     wrong: &Wrong,
+    has_only_velocity: bool,
 ) -> Finding {
     if let Some(current) = torque::explain(joint, robot, wrong) {
         return current;
@@ -418,7 +425,7 @@ fn explain(
     let mut remedy = format!("multiply its scale by {:.8}", 1.0 / factor);
     // one joint does not tell a wrong velocity from a wrong time
     let of_velocity = seen.velocities.iter().any(|of| of.signal == wrong.signal);
-    if of_velocity && *kind == FindingKind::WrongScale {
+    if has_only_velocity && of_velocity && *kind == FindingKind::WrongScale {
         what.push_str(", or the time is");
         remedy.push_str(&format!(
             "; or, if it is right, the scale of `time_s` by {0:.8}, and `sample_rate_hz` by {factor:.8}",
