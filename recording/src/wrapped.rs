@@ -155,7 +155,7 @@ mod tests {
     fn leaps_that_are_no_turns_and_new_trajectories_are_none() {
         // a misread row
         let mut shown: Vec<f64> = (0..600).map(|row| 1e-3 * f64::from(row)).collect();
-        shown[300] = -3.14;
+        shown[300] = -3.1;
         assert!(check(&recording(shown.clone(), None)).is_empty());
         // another trajectory begins a turn away
         shown[300] = 0.3;
