@@ -4,7 +4,7 @@ use crate::twin::TwinError;
 use nalgebra::DMatrix;
 
 use crate::closed_loop::search::{Model, Search, difference};
-use crate::closed_loop::spectrum::{Beside, most_seen, peaks};
+use crate::closed_loop::spectrum::{Beside, below, most_seen, peaks};
 use crate::effects::{Hypothesis, periodic};
 use crate::on_all_cores::OnAllCores;
 use crate::twin::observe::Channel;
@@ -114,7 +114,9 @@ impl Search<'_> {
         let beside = Beside::new(&self.whitened(known_nm), &target);
         let named = model.terms.iter().map(|term| &term.hypothesis);
         let of_motor = named.filter(|hypothesis| hypothesis.repeats_with_motor());
-        for found in of_motor.flat_map(Hypothesis::harmonics) {
+        let harmonics = of_motor.clone().flat_map(Hypothesis::harmonics);
+        let parts = below(of_motor.map(|of| of.shape[0]), self.scale.motor_turns);
+        for found in parts.into_iter().chain(harmonics) {
             if !cycles.contains(&found) {
                 cycles.push(found);
             }

@@ -10,8 +10,16 @@ use crate::twin::Row;
 
 /// Fewest and most cycles per motor turn that are looked for.
 const CYCLES: [f64; 2] = [0.5, 24.0];
+/// [`PERIODS_MIN`] of a whole number of cycles that a peak is at, as of what repeats with a shaft, or of which a multiple is known to
+/// repeat: what comes twice a turn mostly comes once too.
+const PERIODS_MIN_WHOLE: f64 = 2.0;
 /// Steps between two numbers of cycles that the range can tell apart.
 const OVERSAMPLING: f64 = 3.0;
+/// Of the fastest speed; slower is as good as standing.
+const MOVING: f64 = 0.05;
+/// Whitened squares that waves at a peak take off one channel at least. An effect that repeats with an angle costs 24 nats or
+/// more, which are 67 squares in all channels, of which there are four: smaller peaks are not worth a name whatever makes them.
+const GAIN_MIN: f64 = 17.0;
 /// The most numbers of cycles that are tried.
 const TRIED_MAX: usize = 1500;
 /// So many numbers of cycles are tried at a time.
@@ -78,8 +86,9 @@ impl Beside {
     }
 }
 
-/// Cycles per motor turn at which a gain peaks, the highest first, of [`PERIODS_MIN`] and more, as far as the rows' range of angles tells
-/// them apart and below `most`.
+/// Cycles per motor turn at which a gain peaks above `GAIN_MIN`, the highest first, as far as the rows' range of angles tells
+/// them apart and below `most`. Of less than four periods only what is a whole number of cycles and has the most gain of all: a
+/// smooth shape has more the fewer the cycles, and small peaks beside.
 ///
 /// `gains` gets a sine and a cosine of each row's motor angle times each of some numbers of cycles, one pair of columns after the
 /// other, and tells each pair's gain.
@@ -94,8 +103,15 @@ pub fn peaks(
         (low.min(x), high.max(x))
     });
     let turns = (high - low) / TAU;
-    let lowest = CYCLES[0].max(PERIODS_MIN / turns.max(1e-9));
+    let least = |periods: f64| CYCLES[0].max(periods / turns.max(1e-9));
+    let lowest = least(PERIODS_MIN_WHOLE);
     let highest = CYCLES[1].min(most);
+    // where the range ends at few periods what is slower has more, and the end is no peak
+    let before_lowest = if lowest < least(PERIODS_MIN) {
+        f64::INFINITY
+    } else {
+        0.0
+    };
     let step = (1.0 / (OVERSAMPLING * turns.max(1e-9))).max((highest - lowest) / TRIED_MAX as f64);
     if lowest >= highest || rows.len() < 20 {
         return Vec::new();
@@ -115,11 +131,15 @@ pub fn peaks(
     let gains: Vec<f64> = gains.flatten().collect();
     let mut found: Vec<(f64, f64)> = (0..tried)
         .filter(|&k| {
-            let before = k.checked_sub(1).map_or(0.0, |k| gains[k]);
+            let before = k.checked_sub(1).map_or(before_lowest, |k| gains[k]);
             let after = gains.get(k + 1).copied().unwrap_or(0.0);
-            gains[k] > before && gains[k] >= after
+            gains[k] > GAIN_MIN.max(before) && gains[k] >= after
         })
         .map(|k| (settled(lowest + k as f64 * step, turns), gains[k]))
+        .filter(|(cycles, gain)| {
+            let is_most = || gains.iter().all(|other| other <= gain);
+            *cycles >= least(PERIODS_MIN) || cycles.fract() == 0.0 && is_most()
+        })
         .collect();
     found.sort_by(|a, b| b.1.total_cmp(&a.1));
     found
@@ -129,13 +149,27 @@ pub fn peaks(
         .collect()
 }
 
-/// Cycles per motor turn of which samples at this rate see two a cycle or more, at the speed of half of the rows.
+/// Cycles per motor turn that are too few for [`peaks`] and worth a look, because these many are known to repeat: whole
+/// parts of a whole number.
+pub fn below(known: impl IntoIterator<Item = f64>, turns: f64) -> Vec<f64> {
+    let range = PERIODS_MIN_WHOLE / turns..PERIODS_MIN / turns;
+    let mut found = Vec::new();
+    for cycles in known.into_iter().filter(|cycles| cycles.fract() == 0.0) {
+        let parts = (2..=cycles as u32).map(|divisor| cycles / f64::from(divisor));
+        found.extend(parts.filter(|part| part.fract() == 0.0 && range.contains(part)));
+    }
+    found
+}
+
+/// Cycles per motor turn of which samples at this rate see two a cycle or more, at the speed of half of the rows that move.
 pub fn most_seen(rows: &[Row], gear_ratio: f64, rate_hz: f64) -> f64 {
     let mut turns_s: Vec<f64> = rows
         .iter()
         .map(|row| (row.velocity_rad_s * gear_ratio / TAU).abs())
         .collect();
     turns_s.sort_by(f64::total_cmp);
+    let fastest = turns_s.last().copied().unwrap_or(0.0);
+    turns_s.retain(|speed| *speed > MOVING * fastest);
     let usual = turns_s.get(turns_s.len() / 2).copied().unwrap_or(0.0);
     0.5 * rate_hz / usual.max(1e-9)
 }
@@ -153,6 +187,17 @@ fn settled(cycles: f64, turns: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_comes_twice_a_turn_is_looked_for_once_a_turn_too() {
+        // three periods are too few for a peak
+        assert_eq!(below([2.0], 3.0), [1.0]);
+        assert_eq!(below([6.0], 1.5), [2.0]);
+        // one is a shape that anything may have, and five are found anyway
+        assert!(below([2.0], 1.0).is_empty());
+        assert!(below([2.0], 5.0).is_empty());
+        assert!(below([1.0, 2.3], 3.0).is_empty());
+    }
 
     #[test]
     fn a_ripple_is_found_at_its_cycles_whatever_the_speed() {
@@ -175,6 +220,9 @@ mod tests {
         let all: Vec<&Row> = rows.iter().collect();
         let gains = |waves: DMatrix<f64>| beside.gains(&waves);
         assert_eq!(peaks(&all, f64::INFINITY, gains, 2)[0], 2.0);
+        // a wave too small to be worth a name is not looked at
+        let small = |waves| gains(waves).iter().map(|gain| 0.01 * gain).collect();
+        assert!(peaks(&all, f64::INFINITY, small, 2).is_empty());
         // half of the rows that move turn faster than 3.5 times a second
         let most = most_seen(&rows, 1.0, 10.0);
         assert!((most - 1.5).abs() < 0.1, "{most}");
@@ -183,5 +231,32 @@ mod tests {
                 .iter()
                 .all(|cycles| *cycles <= 2.0)
         );
+    }
+
+    #[test]
+    fn two_or_three_periods_are_a_peak_where_a_shaft_may_repeat_them() {
+        // two and a half turns of the motor
+        let angle_rad = |k: usize| 0.5 * 2.5 * TAU * (k as f64 * 0.01).sin();
+        let rows: Vec<Row> = (0..2000)
+            .map(|k| Row {
+                motor_angle_rad: angle_rad(k),
+                ..Row::at_rest(k as f64 * 0.01)
+            })
+            .collect();
+        let all: Vec<&Row> = rows.iter().collect();
+        let found = |shape: fn(f64) -> f64| {
+            let column = |of: &dyn Fn(f64) -> f64| -> Vec<f64> {
+                rows.iter().map(|row| of(row.motor_angle_rad)).collect()
+            };
+            let beside = Beside::new(&[column(&|_| 1.0)], &column(&shape));
+            let gains = |waves: DMatrix<f64>| beside.gains(&waves);
+            let peaks = peaks(&all, f64::INFINITY, gains, 2).into_iter();
+            // of fewer than four periods
+            peaks.filter(|cycles| *cycles < 1.6).collect::<Vec<f64>>()
+        };
+        assert_eq!(found(|x| (x + 0.7).sin()), [1.0]);
+        // no whole number, and a shape that goes with position
+        assert!(found(|x| (1.5 * x).sin()).is_empty());
+        assert!(found(|x| 0.1 * x * x + 0.3 * x).is_empty());
     }
 }
