@@ -10,6 +10,7 @@ mod support;
 mod swap;
 mod timing;
 mod torque;
+mod unsigned;
 
 pub use motion::STILL_RAD;
 
@@ -65,6 +66,8 @@ pub enum FindingKind {
     Wrapped,
     /// A position leaps away and back.
     Misread,
+    /// A torque or current was recorded without its sign.
+    Unsigned,
     /// Values are repeated until the next ones come.
     Held,
     /// Neither encoder.
@@ -168,17 +171,26 @@ pub fn check(recording: &Recording, robot: Option<&CheckRobot>) -> Vec<Finding> 
     let recording = &*as_measured(recording);
     if recording.rows() >= timing::ROWS_MIN {
         findings.extend(swap::check(recording));
+        findings.extend(unsigned::check(recording));
         let of_robot = |joint: &JointColumns| robot.and_then(|robot| robot.joint(&joint.name));
         let joints = recording.joints.iter();
         let seen = joints.map(|joint| scale::Scales::of(recording, joint, of_robot(joint)));
         let mut seen: Vec<scale::Scales> = seen.collect();
         findings.extend(scale::wrong_time(recording, &mut seen));
+        let are_in_degrees =
+            robot.is_some_and(|robot| robot::are_in_degrees(robot, recording, &seen));
         for (joint, seen) in recording.joints.iter().zip(&seen) {
             let of_robot = of_robot(joint);
             findings.extend(scale::check(recording, joint, of_robot, seen));
             findings.extend(motion::check(recording, joint, seen));
             if let (Some(robot), Some(of_robot)) = (robot, of_robot) {
-                findings.extend(robot::check_joint(robot, of_robot, joint, seen));
+                findings.extend(robot::check_joint(
+                    robot,
+                    of_robot,
+                    joint,
+                    seen,
+                    are_in_degrees,
+                ));
             }
         }
     }
@@ -186,7 +198,7 @@ pub fn check(recording: &Recording, robot: Option<&CheckRobot>) -> Vec<Finding> 
         findings.extend(support::check(joint));
     }
     if let Some(robot) = robot {
-        robot::one_velocity_limit(robot, &mut findings);
+        robot::one_limit(robot, &mut findings);
         findings.extend(robot::check_names(robot, recording));
     }
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));

@@ -1,8 +1,9 @@
 //! Against the robot file: names, limits, resolutions.
 
 use super::meaning::{DEGREES, MEASURED, Meaning};
+use super::motion::STILL_RAD;
 use super::scale::Scales;
-use super::{CheckJoint, CheckRobot, Finding, FindingKind, mapping_line, values};
+use super::{CheckJoint, CheckRobot, Finding, FindingKind, Severity, mapping_line, values};
 use crate::error::{list, nearest};
 use crate::statistics::{range, step};
 use crate::{JointColumns, Recording, Signal};
@@ -28,14 +29,27 @@ pub(super) fn check_names(robot: &CheckRobot, recording: &Recording) -> Vec<Find
                 robot.name,
                 list(&of_robot)
             );
-            let near = nearest(&joint.name, of_robot.iter().map(String::as_str));
-            let remedy = near.map_or_else(String::new, |near| format!(", perhaps [joint.{near}]"));
-            let remedy = format!("rename [joint.{}] in the mapping file{remedy}", joint.name);
-            findings.push(
-                Finding::error(FindingKind::UnknownJoint, what)
-                    .at(joint)
-                    .remedy(remedy),
-            );
+            // a robot file may be of one arm of several; a name that is nearly a missing joint's is most likely misspelt
+            let missing = || {
+                of_robot
+                    .iter()
+                    .filter(|name| recording.joint(name).is_err())
+            };
+            let near = nearest(&joint.name, missing().map(String::as_str));
+            let finding = if near.is_some() || missing().count() == of_robot.len() {
+                let perhaps =
+                    near.map_or_else(String::new, |near| format!(", perhaps [joint.{near}]"));
+                Finding::error(FindingKind::UnknownJoint, what).remedy(format!(
+                    "rename [joint.{}] in the mapping file{perhaps}",
+                    joint.name
+                ))
+            } else {
+                Finding::warning(FindingKind::UnknownJoint, what).remedy(format!(
+                    "it is not looked at; if it is one of those, rename [joint.{}] in the mapping file",
+                    joint.name
+                ))
+            };
+            findings.push(finding.at(joint));
         }
     }
     for name in of_robot {
@@ -55,17 +69,18 @@ pub(super) fn check_names(robot: &CheckRobot, recording: &Recording) -> Vec<Find
     findings
 }
 
-/// One joint's values against the robot file's numbers.
+/// One joint's values against the robot file's numbers. `are_in_degrees`: as [`are_in_degrees`] says.
 pub(super) fn check_joint(
     robot: &CheckRobot,
     of_robot: &CheckJoint,
     joint: &JointColumns,
     seen: &Scales,
+    are_in_degrees: bool,
 ) -> Vec<Finding> {
     let mut findings = Vec::new();
-    findings.extend(positions(robot, of_robot, joint, seen));
+    findings.extend(positions(robot, of_robot, joint, seen, are_in_degrees));
     findings.extend(velocities(of_robot, joint, seen));
-    for signal in [Signal::MotorTorqueNm, Signal::CommandTorqueNm] {
+    for signal in TORQUES {
         findings.extend(torque(of_robot, joint, signal));
     }
     findings.extend(resolutions(of_robot, joint, seen));
@@ -78,36 +93,77 @@ fn joint_side_range(joint: &JointColumns, signal: Signal, factor: f64) -> Option
     Some([a.min(b), a.max(b)])
 }
 
+/// From where to where a joint goes, and may go by the robot file.
+struct Reach {
+    signal: Signal,
+    went: [f64; 2],
+    limits_rad: [f64; 2],
+}
+
+impl Reach {
+    /// None where nothing tells one of the two.
+    fn of(of_robot: &CheckJoint, joint: &JointColumns, seen: &Scales) -> Option<Self> {
+        let limits_rad = of_robot.position_limit_rad?;
+        let candidates = [
+            (Signal::LinkPositionRad, 1.0),
+            (Signal::MotorPositionRad, of_robot.gear_ratio),
+            (Signal::ReferencePositionRad, 1.0),
+        ];
+        candidates.into_iter().find_map(|(signal, side)| {
+            Some(Self {
+                signal,
+                went: joint_side_range(joint, signal, side * seen.factor(signal))?,
+                limits_rad,
+            })
+        })
+    }
+
+    /// Whether it stays within the limits, in a unit of so many a radian.
+    fn is_within(&self, unit: f64) -> bool {
+        let ([from, to], [low, high]) = (self.went, self.limits_rad);
+        from / unit >= low - OVERSHOOT_RAD && to / unit <= high + OVERSHOOT_RAD
+    }
+
+    fn width(&self) -> f64 {
+        self.went[1] - self.went[0]
+    }
+
+    /// In degrees a usual motion goes far beyond any limit; an offset does not.
+    fn is_in_degrees(&self) -> bool {
+        let [low, high] = self.limits_rad;
+        let is_far = self.width() > 2.0 * (high - low).min(2.0 * PI);
+        !self.is_within(1.0) && self.is_within(DEGREES) && is_far
+    }
+}
+
+/// Whether the limits tell that angles are in degrees: one joint that turns beyond its own may do so, most joints do not.
+pub(super) fn are_in_degrees(robot: &CheckRobot, recording: &Recording, seen: &[Scales]) -> bool {
+    let each = recording.joints.iter().zip(seen);
+    let reaches =
+        each.filter_map(|(joint, seen)| Reach::of(robot.joint(&joint.name)?, joint, seen));
+    let moving: Vec<Reach> = reaches.filter(|reach| reach.width() > STILL_RAD).collect();
+    let in_degrees = moving.iter().filter(|reach| reach.is_in_degrees()).count();
+    let in_radians = moving.iter().filter(|reach| reach.is_within(1.0)).count();
+    in_degrees > in_radians
+}
+
 fn positions(
     robot: &CheckRobot,
     of_robot: &CheckJoint,
     joint: &JointColumns,
     seen: &Scales,
+    are_in_degrees: bool,
 ) -> Option<Finding> {
-    let [low, high] = of_robot.position_limit_rad?;
-    let candidates = [
-        (Signal::LinkPositionRad, 1.0),
-        (Signal::MotorPositionRad, of_robot.gear_ratio),
-        (Signal::ReferencePositionRad, 1.0),
-    ];
-    let (signal, [from, to]) = candidates.into_iter().find_map(|(signal, side)| {
-        Some((
-            signal,
-            joint_side_range(joint, signal, side * seen.factor(signal))?,
-        ))
-    })?;
-    let within =
-        |unit: f64| from / unit >= low - OVERSHOOT_RAD && to / unit <= high + OVERSHOOT_RAD;
-    if within(1.0) {
+    let reach = Reach::of(of_robot, joint, seen)?;
+    if reach.is_within(1.0) {
         return None;
     }
+    let (signal, [from, to], [low, high]) = (reach.signal, reach.went, reach.limits_rad);
     let beyond = format!(
         "goes from {from:.4} to {to:.4} rad, the robot file's limits are {low:.4} and {high:.4}"
     );
     let farthest = if from.abs() > to.abs() { from } else { to };
-    // In degrees a usual motion goes far beyond any limit; an offset does not.
-    let in_degrees = within(DEGREES) && to - from > 2.0 * (high - low).min(2.0 * PI);
-    let finding = if in_degrees {
+    let finding = if are_in_degrees && reach.is_in_degrees() {
         let what = format!("{beyond}: these are degrees");
         let remedy = format!(
             "multiply the scale of this joint's angles by {:.7}",
@@ -141,38 +197,67 @@ pub(super) const VELOCITIES: [Signal; 3] = [
     Signal::MotorVelocityRadS,
     Signal::ReferenceVelocityRadS,
 ];
+/// What a drive's torque limit is of.
+const TORQUES: [Signal; 2] = [Signal::MotorTorqueNm, Signal::CommandTorqueNm];
 
-/// Tells once that joints go beyond a velocity limit which is the same for every joint: more often than not it was never set.
-pub(super) fn one_velocity_limit(robot: &CheckRobot, findings: &mut Vec<Finding>) {
-    let first = robot.joints.first().map(|joint| joint.velocity_limit_rad_s);
-    let is_first = |joint: &CheckJoint| Some(joint.velocity_limit_rad_s) == first;
-    let Some(limit) = first
-        .flatten()
-        .filter(|_| robot.joints.iter().all(is_first))
-    else {
-        return;
-    };
-    let is_beyond = |finding: &Finding| {
-        finding.kind == FindingKind::BeyondLimit
-            && finding.signal.is_some_and(|of| VELOCITIES.contains(&of))
-    };
-    let beyond = || findings.iter().filter(|finding| is_beyond(finding));
-    let joints: Vec<String> = beyond().filter_map(|found| found.joint.clone()).collect();
-    if joints.len() < 2 {
-        return;
+/// A number of the robot file that every joint may have the same of.
+struct Limit {
+    of: fn(&CheckJoint) -> Option<f64>,
+    signals: &'static [Signal],
+    unit: &'static str,
+    /// Of the values, if not the limit is wrong.
+    else_check: &'static str,
+}
+
+const LIMITS: [Limit; 2] = [
+    Limit {
+        of: |joint| joint.velocity_limit_rad_s,
+        signals: &VELOCITIES,
+        unit: "rad/s",
+        else_check: "the velocities' unit and side of the gear",
+    },
+    Limit {
+        of: |joint| joint.torque_limit_nm,
+        signals: &TORQUES,
+        unit: "Nm",
+        else_check: "the torques' scale and side of the gear",
+    },
+];
+
+/// Tells once that joints go beyond a limit which is the same for every joint: more often than not it was never set.
+pub(super) fn one_limit(robot: &CheckRobot, findings: &mut Vec<Finding>) {
+    for limit in &LIMITS {
+        let first = robot.joints.first().and_then(limit.of);
+        let is_first = |joint: &CheckJoint| (limit.of)(joint) == first;
+        let Some(most) = first.filter(|_| robot.joints.iter().all(is_first)) else {
+            continue;
+        };
+        let is_beyond = |finding: &Finding| {
+            finding.kind == FindingKind::BeyondLimit
+                && finding.severity == Severity::Warning
+                && finding.signal.is_some_and(|of| limit.signals.contains(&of))
+        };
+        let beyond = || findings.iter().filter(|finding| is_beyond(finding));
+        let mut joints: Vec<String> = beyond().filter_map(|found| found.joint.clone()).collect();
+        joints.dedup();
+        if joints.len() < 2 {
+            continue;
+        }
+        let largest = beyond().filter_map(|found| found.value);
+        let largest = largest.fold(0.0, f64::max);
+        findings.retain(|finding| !is_beyond(finding));
+        let unit = limit.unit;
+        let what = format!(
+            "up to {largest:.4} {unit} at {} joints ({}), the limit of every joint in the robot file is {most:.4}",
+            joints.len(),
+            list(&joints)
+        );
+        let finding = Finding::warning(FindingKind::BeyondLimit, what).decided_by(largest);
+        findings.push(finding.remedy(format!(
+            "correct the limits in the robot file if they were never set; else check {}",
+            limit.else_check
+        )));
     }
-    let largest = beyond().filter_map(|found| found.value);
-    let largest = largest.fold(0.0, f64::max);
-    findings.retain(|finding| !is_beyond(finding));
-    let what = format!(
-        "up to {largest:.4} rad/s at {} joints ({}), the limit of every joint in the robot file is {limit:.4}",
-        joints.len(),
-        list(&joints)
-    );
-    let finding = Finding::warning(FindingKind::BeyondLimit, what).decided_by(largest);
-    findings.push(finding.remedy(
-        "correct the limits in the robot file if they were never set; else check the velocities' unit and side of the gear",
-    ));
 }
 
 fn velocities(of_robot: &CheckJoint, joint: &JointColumns, seen: &Scales) -> Option<Finding> {
@@ -221,15 +306,21 @@ fn torque(of_robot: &CheckJoint, joint: &JointColumns, signal: Signal) -> Option
             of_robot.gear_ratio
         ));
     }
-    let remedy = match remedies.is_empty() {
-        true => "check its scale, or torque_limit_nm in the robot file".to_owned(),
-        false => format!("multiply its scale by {}", remedies.join(", or by ")),
-    };
     let what =
         format!("up to {largest:.4} Nm, the robot file's limit is {limit_nm:.4} Nm at the motor");
-    let finding = match largest > 2.0 * limit_nm {
-        true => Finding::error(FindingKind::BeyondLimit, what),
-        false => Finding::warning(FindingKind::BeyondLimit, what),
+    // a limit that no unit keeps is as likely wrong itself: exporters of robot files put a one there
+    let (finding, remedy) = if remedies.is_empty() {
+        let remedy = "check its scale, or torque_limit_nm in the robot file".to_owned();
+        (Finding::warning(FindingKind::BeyondLimit, what), remedy)
+    } else {
+        let finding = match largest > 2.0 * limit_nm {
+            true => Finding::error(FindingKind::BeyondLimit, what),
+            false => Finding::warning(FindingKind::BeyondLimit, what),
+        };
+        (
+            finding,
+            format!("multiply its scale by {}", remedies.join(", or by ")),
+        )
     };
     let finding = finding.at(joint).of(signal).decided_by(largest);
     Some(finding.remedy(mapping_line(joint, signal, &remedy)))

@@ -15,7 +15,7 @@ use std::f64::consts::PI;
 /// What is known while the columns are looked at.
 pub(super) struct Guesser<'a> {
     pub(super) frame: &'a Frame,
-    joints: &'a [GuessJoint],
+    pub(super) joints: &'a [GuessJoint],
     pub(super) families: Families<'a>,
     mostly_degrees: bool,
     /// Whether positions beyond a turn may still be radians.

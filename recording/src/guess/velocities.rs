@@ -1,7 +1,7 @@
 //! A velocity is what its position's difference says, in whatever unit and on whatever side of the gear.
 
-use super::GuessedColumn;
-use super::names::Guesser;
+use super::names::{Guesser, said};
+use super::{GuessedColumn, Sure};
 use crate::Signal;
 use crate::clock::{UnitsPerSecond, only_time_column};
 use crate::columns::TIME;
@@ -31,6 +31,7 @@ impl Guesser<'_> {
             .iter_mut()
             .filter(|(_, found)| found.signal == Signal::LinkVelocityRadS);
         let mut left_out = Vec::new();
+        let mut in_either = Vec::new();
         for (index, found) in velocities {
             // A finger's velocity is not that of the arm's position with the same number.
             let of_joint = || {
@@ -93,6 +94,13 @@ impl Guesser<'_> {
             };
             found.signal = signal;
             let _ = write!(found.why, "; {why}");
+            // only how far it goes says that the position is in degrees, which a joint that turns round and round may do in radians
+            let position = position.map(|(position, _, _)| *position);
+            if factor == 180.0 / PI
+                && let Some(position) = position.filter(|of| self.may_be_radians(*of, *index))
+            {
+                in_either.extend([position, *index]);
+            }
             // On the motor's side the velocity is the position's difference times the ratio, with its sign.
             let side = if signal == Signal::MotorVelocityRadS {
                 ratio
@@ -104,8 +112,24 @@ impl Guesser<'_> {
                 found.why.push_str(", reversed");
             }
         }
+        for (_, found) in columns.iter_mut().filter(|(of, _)| in_either.contains(of)) {
+            found.sure = Sure::Doubtful;
+            found
+                .why
+                .push_str(", or position and velocity are both in radians");
+        }
         columns.retain(|(_, found)| left_out.iter().all(|(column, _)| *column != found.column));
         left_out
+    }
+
+    /// Whether a position and its velocity, which agree, are of a joint without limits and neither's name tells a unit.
+    fn may_be_radians(&self, position: usize, velocity: usize) -> bool {
+        let tells_no_unit = |column: usize| {
+            let said = said(&self.frame.columns[column].name, self.joints);
+            said.is_some_and(|said| said.meaning.scale.is_none())
+        };
+        let is_free = self.joints.iter().any(|joint| !joint.is_limited);
+        is_free && tells_no_unit(position) && tells_no_unit(velocity)
     }
 
     fn times_s(&self) -> Option<Vec<f64>> {

@@ -302,19 +302,56 @@ fn positions_beyond_the_limits_are_told_with_them() {
 }
 
 #[test]
-fn one_velocity_limit_of_all_joints_is_told_once() {
-    let mut robot = robot();
-    for joint in &mut robot.joints {
-        joint.velocity_limit_rad_s = Some(0.1);
+fn one_limit_of_all_joints_is_told_once() {
+    let mut slow = robot();
+    let mut weak = robot();
+    for (slow, weak) in slow.joints.iter_mut().zip(&mut weak.joints) {
+        slow.velocity_limit_rad_s = Some(0.1);
+        weak.torque_limit_nm = Some(1e-4);
     }
-    let finding = only(&whole(), Some(&robot));
-    assert_eq!(finding.kind, FindingKind::BeyondLimit);
-    assert_eq!((&finding.joint, finding.signal), (&None, None));
-    assert!(finding.what.contains("at 3 joints ("), "{finding}");
+    for robot in [&slow, &weak] {
+        let finding = only(&whole(), Some(robot));
+        assert_eq!(finding.kind, FindingKind::BeyondLimit);
+        assert_eq!((&finding.joint, finding.signal), (&None, None));
+        assert!(finding.what.contains("at 3 joints ("), "{finding}");
+    }
     // limits of their own are told of each
-    robot.joints[1].velocity_limit_rad_s = Some(0.11);
-    let each = serious(check(&whole(), Some(&robot)));
+    slow.joints[1].velocity_limit_rad_s = Some(0.11);
+    let each = serious(check(&whole(), Some(&slow)));
     assert!(each.len() == 3 && each.iter().all(|found| found.joint.is_some()));
+}
+
+#[test]
+fn a_torque_limit_that_no_unit_keeps_refuses_nothing() {
+    let mut robot = robot();
+    robot.joints[0].torque_limit_nm = Some(1e-4);
+    let found = serious(check(&whole(), Some(&robot)));
+    assert!(!found.is_empty());
+    for finding in found {
+        assert_eq!(
+            (finding.kind, finding.severity),
+            (FindingKind::BeyondLimit, Severity::Warning),
+            "{finding}"
+        );
+    }
+}
+
+#[test]
+fn one_joint_that_turns_beyond_its_limits_is_not_in_degrees() {
+    let turns = |joints: &[usize]| {
+        let mut recording = whole();
+        for joint in joints {
+            for signal in recording.joints[*joint].signals.clone().into_keys() {
+                if signal.name().contains("position") || signal.name().contains("velocity") {
+                    scale(&mut recording, *joint, signal, DEGREES);
+                }
+            }
+        }
+        let mut found = check(&recording, Some(&robot()));
+        found.retain(|finding| finding.what.ends_with("these are degrees"));
+        found.len()
+    };
+    assert_eq!([turns(&[0]), turns(&[0, 1]), turns(&[0, 1, 2])], [0, 2, 3]);
 }
 
 #[test]
