@@ -44,6 +44,7 @@ impl RobotFile {
         let moving = model.links(wanted, &self.held)?;
         let order = match_joints(&file, &moving.names, &self.joints, &model)?;
         let mut notes = std::mem::take(&mut model.notes);
+        notes.extend(model.notes_of_wide(&moving));
         notes.extend(note_of_held(&moving.held));
         let control = self
             .control

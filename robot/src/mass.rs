@@ -19,7 +19,28 @@ pub struct MassProperties {
     pub inertia_kg_m2: Matrix3<f64>,
 }
 
+/// Nothing of a robot swings as if its mass were farther from its own centre; a URDF of somebody who knows no inertia has 1.
+const GYRATION_M: f64 = 1.0;
+
 impl MassProperties {
+    /// That it swings as no part of a robot does, if so.
+    pub fn told_if_wide(&self) -> Option<String> {
+        let largest = self.largest_inertia_kg_m2();
+        let is_wide = self.mass_kg > 0.0 && largest > self.mass_kg * GYRATION_M.powi(2);
+        is_wide.then(|| {
+            format!(
+                "{} kg with {largest} kg m² swings as if it were {:.1} m wide; correct mass or inertia",
+                self.mass_kg,
+                2.0 * (largest / self.mass_kg).sqrt()
+            )
+        })
+    }
+
+    /// About its centre.
+    pub fn largest_inertia_kg_m2(&self) -> f64 {
+        self.inertia_kg_m2.symmetric_eigenvalues().max()
+    }
+
     pub fn none() -> Self {
         Self {
             mass_kg: 0.0,

@@ -200,6 +200,19 @@ impl Model {
         })
     }
 
+    /// Bodies that move and swing as no part of a robot does, where they have more inertia than all others together.
+    pub fn notes_of_wide(&self, moving: &Moving) -> Vec<String> {
+        let bodies = self.bodies.iter().zip(&moving.carriers);
+        let moved = bodies.filter(|(_, carrier)| carrier.is_some());
+        let moved: Vec<(&Body, f64)> = moved
+            .map(|(body, _)| (body, body.mass.largest_inertia_kg_m2()))
+            .collect();
+        let all: f64 = moved.iter().map(|(_, largest)| largest).sum();
+        let most = moved.into_iter().filter(|(_, own)| *own > all - own);
+        most.filter_map(|(body, _)| Some(format!("{}: {}", body.place, body.mass.told_if_wide()?)))
+            .collect()
+    }
+
     /// Where an inertia is described that makes a link none that a body can have.
     pub fn culprit(&self, moving: &Moving, link: usize) -> Option<&Place> {
         let bodies = self.bodies.iter().zip(&moving.carriers);

@@ -23,9 +23,6 @@ pub struct Survey {
     pub doubtful: Vec<String>,
 }
 
-/// Nothing of a robot swings as if its mass were farther from its own centre; a URDF of somebody who knows no inertia has 1.
-const GYRATION_M: f64 = 1.0;
-
 /// A centre of mass farther from its joint is in other units than metres.
 const CENTRE_M: f64 = 3.0;
 
@@ -49,7 +46,11 @@ pub fn survey(name_or_path: &str) -> Result<Survey, RobotError> {
     let mut known = Vec::new();
     for note in &robot.notes {
         let is_known = note.starts_with("held") || note.contains("as in ROS");
-        if is_known { &mut known } else { &mut doubtful }.push(note.clone());
+        let told = if is_known { &mut known } else { &mut doubtful };
+        // some that matter are in both
+        if !told.contains(note) {
+            told.push(note.clone());
+        }
     }
     known.splice(0..0, known_of(&robot));
     Ok(Survey {
@@ -81,7 +82,6 @@ fn doubts_of_bodies(robot: &Robot, model: &Model) -> Vec<String> {
         let mass = &body.mass;
         let mut doubt = |what: String| doubts.push(told(&body.place, &what));
         let inertia = &mass.inertia_kg_m2;
-        let largest = inertia.symmetric_eigenvalues().max();
         if mass.mass_kg > 0.0 && *inertia == Matrix3::zeros() {
             doubt(format!(
                 "{} kg without inertia: a point; write its inertia, or leave the mass to the body it is part of",
@@ -89,12 +89,8 @@ fn doubts_of_bodies(robot: &Robot, model: &Model) -> Vec<String> {
             ));
         } else if mass.mass_kg == 0.0 && *inertia != Matrix3::zeros() {
             doubt("inertia without mass, which no body has; write its mass".to_owned());
-        } else if mass.mass_kg > 0.0 && largest > mass.mass_kg * GYRATION_M.powi(2) {
-            doubt(format!(
-                "{} kg with {largest} kg m² swings as if it were {:.1} m wide; correct mass or inertia",
-                mass.mass_kg,
-                2.0 * (largest / mass.mass_kg).sqrt()
-            ));
+        } else if let Some(wide) = mass.told_if_wide() {
+            doubt(wide);
         }
         // an inertia of no body stands in the notes where the description is one of others
         if mass.centre_m.norm() > CENTRE_M {
