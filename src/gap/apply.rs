@@ -119,11 +119,12 @@ pub fn mended(
     let refuse =
         |reason: String| CliError::Input(format!("{report_name} with {}: {reason}", robot.name));
     let text = with_joint_tables(robot.text, file, &built).map_err(refuse)?;
+    let impossible = take_impossible(&mut report, &text, robot);
     let (text, changes) = with_effects(&text, &report).map_err(refuse)?;
     let mut mended = Mended {
         text,
         changes,
-        left_out: sensors(&report).collect(),
+        left_out: sensors(&report).chain(impossible).collect(),
     };
     if remaining {
         let rest = remaining::with_remaining(&mended.text, &report).map_err(refuse)?;
@@ -230,6 +231,39 @@ fn put_payloads_on_last_link(report: &mut Report, robot: &Robot) {
             parameter.value = centre_m[index];
         }
     }
+}
+
+/// Takes from a report the link inertias that no link of the robot can have, and says which: a joint that moves less inertia than the file
+/// tells may do so for any body that it carries, and its own link has not as much to spare.
+fn take_impossible(report: &mut Report, text: &str, robot: &RobotText<'_>) -> Vec<String> {
+    let mut none = report.clone();
+    none.shared_effects.clear();
+    for joint in &mut none.joints {
+        joint.effects.clear();
+        joint.minor_effects.clear();
+    }
+    let mut left_out = Vec::new();
+    for (place, joint) in report.joints.iter_mut().enumerate() {
+        let (name, mut alone) = (&joint.joint, none.clone());
+        let mut is_possible = |found: &NamedEffect| {
+            let Ok(Effect::LinkInertia { inertia_kg_m2 }) = to_effect(found) else {
+                return true;
+            };
+            alone.joints[place].effects = vec![found.clone()];
+            let written = with_effects(text, &alone);
+            let is_possible = written.is_ok_and(|(text, _)| check(&text, robot).is_ok());
+            if !is_possible {
+                left_out.push(format!(
+                    "{name}: {inertia_kg_m2:+.3e} kg m² of inertia are left out: its own link has not as much, so bodies that it carries are \
+                     lighter than the file tells"
+                ));
+            }
+            is_possible
+        };
+        joint.effects.retain(&mut is_possible);
+        joint.minor_effects.retain(&mut is_possible);
+    }
+    left_out
 }
 
 /// What comes of it must be what every other command takes.

@@ -125,7 +125,7 @@ fn diagnosed(
     diagnosed.map_err(CliError::input)
 }
 
-/// Why no joint can be diagnosed, if so: what is wrong with the data of the first.
+/// Why no joint can be diagnosed, if so: what is wrong with the data of the first, or that it is not there.
 pub fn nothing_to_say(report: &Report) -> Option<String> {
     let all = report
         .joints
@@ -133,8 +133,11 @@ pub fn nothing_to_say(report: &Report) -> Option<String> {
         .all(|joint| joint.verdict == Verdict::InsufficientData);
     let first = report.joints.first().filter(|_| all)?;
     let mut findings = report.data.iter();
-    let why = findings.find(|finding| first.reason.contains(&finding.what));
-    why.or(report.data.first()).map(ToString::to_string)
+    let why = findings.find(|finding| {
+        first.reason.contains(&finding.what) || finding.what.starts_with(&first.reason)
+    });
+    let reason = || format!("{}: {}", first.joint, first.reason);
+    Some(why.map_or_else(reason, ToString::to_string))
 }
 
 /// What the command prints: a sentence, a line a joint, and what is to be known of the data. `beside`: lines about the simulator;
