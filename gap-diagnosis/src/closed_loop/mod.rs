@@ -34,7 +34,7 @@ use crate::diagnose::{
 use crate::evidence::imitation;
 use crate::evidence::rows::Rows;
 use crate::evidence::shares::Interval;
-use crate::evidence::told::{Found, MATERIALITY, Said, TEMPERATURE};
+use crate::evidence::told::{Found, MATERIALITY, Said};
 use crate::evidence::{ERRORS, Evidence, Scored};
 use crate::on_all_cores::OnAllCores;
 use crate::report::{
@@ -633,7 +633,7 @@ pub fn diagnose(
             traces.push(told.traces);
         }
         let of_cause = cause.map(|(shared, nats)| {
-            let probability = 1.0 / (1.0 + (-nats / TEMPERATURE).exp());
+            let probability = 1.0 / (1.0 + (-nats).exp());
             shared.told(probability, of_cause)
         });
         let of_delay = common.map(|common| shared::told_delay(&common, robot, of_delay));

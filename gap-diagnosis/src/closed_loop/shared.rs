@@ -85,7 +85,7 @@ pub(super) fn found<'a>(
     alone: &[Option<Explained>],
 ) -> Result<Option<Beside>, TwinError> {
     let mut best: Option<Beside> = None;
-    for cause in Cause::ALL {
+    for cause in Cause::OF_MASSES {
         let found = worth(robot, joints, begins, alone, cause)?;
         let is_better = |found: &Beside| best.as_ref().is_none_or(|best| found.1 > best.1);
         if let Some(found) = found.filter(is_better) {

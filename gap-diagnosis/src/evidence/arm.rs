@@ -20,27 +20,33 @@ pub const ROUNDS: usize = 3;
 pub enum Cause {
     /// Mass, and first moment along the axes of the last link's frame.
     Payload,
+    /// By how much later a reference reaches every drive than it was recorded.
+    Delay,
     /// Roll and pitch of the base.
     Tilt,
 }
 
 impl Cause {
     /// All there are.
-    pub const ALL: [Self; 2] = [Self::Payload, Self::Tilt];
+    pub const ALL: [Self; 3] = [Self::Payload, Self::Delay, Self::Tilt];
+    /// Those of masses.
+    pub const OF_MASSES: [Self; 2] = [Self::Payload, Self::Tilt];
 
     /// Numbers that it has.
     pub fn amplitudes(self) -> usize {
         match self {
             Self::Payload => 4,
+            Self::Delay => 1,
             Self::Tilt => 2,
         }
     }
 
-    /// Standard deviation of each amplitude before anything was seen, far beyond what arms carry or stand on: 100 kg, 100 kg m; 1 rad.
+    /// Standard deviation of each amplitude before anything was seen, far beyond what arms carry, wait for or stand on: 100 kg, 100 kg m;
+    /// 1 s; 1 rad.
     pub fn deviation(self) -> f64 {
         match self {
             Self::Payload => 100.0,
-            Self::Tilt => 1.0,
+            Self::Delay | Self::Tilt => 1.0,
         }
     }
 
@@ -48,6 +54,7 @@ impl Cause {
     pub fn name(self) -> &'static str {
         match self {
             Self::Payload => "payload",
+            Self::Delay => "command_delay",
             Self::Tilt => "base_tilt",
         }
     }
@@ -59,6 +66,7 @@ impl Cause {
                 mass_kg: said[0],
                 centre_m: [1, 2, 3].map(|k| said[k] / said[0]),
             },
+            Self::Delay => Effect::CommandDelay { delay_s: said[0] },
             Self::Tilt => Effect::BaseTilt {
                 roll_rad: said[0],
                 pitch_rad: said[1],
@@ -66,12 +74,40 @@ impl Cause {
         }
     }
 
-    /// Whether an arm can have it: no more can be missing at its end than the last link weighs, as far as its error tells, and what hangs
+    /// The effect's numbers with their standard errors, from those of the amplitudes; a centre's follows from moment and mass.
+    fn errors(self, said: &DVector<f64>, covariance: &DMatrix<f64>) -> Vec<(&'static str, f64)> {
+        let error = |of: &[f64]| {
+            let slope = DVector::from_column_slice(of);
+            (covariance * &slope).dot(&slope).max(0.0).sqrt()
+        };
+        match self {
+            Self::Payload => {
+                let (mass_kg, names) = (said[0], ["centre_m_x", "centre_m_y", "centre_m_z"]);
+                let centre = names.into_iter().zip(1..).map(|(name, k)| {
+                    let mut slope = [0.0; 4];
+                    (slope[0], slope[k]) = (-said[k] / mass_kg.powi(2), 1.0 / mass_kg);
+                    (name, error(&slope))
+                });
+                let mass = [("mass_kg", error(&[1.0, 0.0, 0.0, 0.0]))].into_iter();
+                mass.chain(centre).collect()
+            }
+            Self::Delay => vec![("delay_s", error(&[1.0]))],
+            Self::Tilt => vec![
+                ("roll_rad", error(&[1.0, 0.0])),
+                ("pitch_rad", error(&[0.0, 1.0])),
+            ],
+        }
+    }
+
+    /// Whether an arm can have it: nothing comes before it was sent, no more can be missing at its end than the last link weighs, as far as its error tells, and what hangs
     /// there is no further away than the arm is long.
     fn can_be(self, robot: &Robot, said: &DVector<f64>, covariance: &DMatrix<f64>) -> bool {
+        let error = ERRORS * covariance[(0, 0)].max(0.0).sqrt();
         let links = robot.chain.links();
-        let (Self::Payload, Some(last)) = (self, links.last()) else {
-            return true;
+        let last = match (self, links.last()) {
+            (Self::Delay, _) => return said[0] + error > 0.0,
+            (Self::Payload, Some(last)) => last,
+            _ => return true,
         };
         let to_last_m: f64 = links
             .iter()
@@ -81,9 +117,8 @@ impl Cause {
         let length_m = to_last_m
             + 2.0 * last.centre_of_mass_m.norm()
             + robot.chain.tool().translation.vector.norm();
-        let error_kg = ERRORS * covariance[(0, 0)].max(0.0).sqrt();
         let moment_kg_m = said.rows(1, 3).norm();
-        said[0] + error_kg > -last.mass_kg && moment_kg_m <= length_m * said[0].abs()
+        said[0] + error > -last.mass_kg && moment_kg_m <= length_m * said[0].abs()
     }
 
     /// What it costs the whole arm, in nats: a name, and each further amplitude.
@@ -96,7 +131,7 @@ impl Cause {
 pub struct Shared {
     cause: Cause,
     effect: Effect,
-    std: Vec<f64>,
+    errors: Vec<(&'static str, f64)>,
 }
 
 impl Shared {
@@ -117,13 +152,9 @@ impl Shared {
         joint_shares: BTreeMap<String, JointShare>,
     ) -> SharedEffect {
         let mut parameters = told::parameters(&self.effect);
-        let names: &[&str] = match self.cause {
-            Cause::Payload => &["mass_kg"],
-            Cause::Tilt => &["roll_rad", "pitch_rad"],
-        };
-        for (name, std) in names.iter().zip(&self.std) {
-            if let Some(parameter) = parameters.get_mut(*name) {
-                parameter.std = *std;
+        for (name, error) in self.errors {
+            if let Some(parameter) = parameters.get_mut(name) {
+                parameter.std = error;
             }
         }
         let count = joint_shares.len().max(1) as f64;
@@ -220,11 +251,10 @@ pub fn found(
         if nats <= 0.0 || !cause.can_be(robot, &said, &covariance) {
             return None;
         }
-        let errors = covariance.diagonal();
         shared.push(Shared {
             cause: *cause,
             effect: cause.effect(said.as_slice()),
-            std: errors.iter().map(|x| x.max(0.0).sqrt()).collect(),
+            errors: cause.errors(&said, &covariance),
         });
         from += count;
     }

@@ -26,8 +26,6 @@ const PARTLY: f64 = 0.2;
 const ALIKE: f64 = 0.5 * DEVIATIONS * DEVIATIONS;
 /// Below this weight a set's shares are not looked at.
 const WEIGHT_MIN: f64 = 1e-3;
-/// Nats to the unit of log odds in which probabilities are stated.
-pub const TEMPERATURE: f64 = 1.0;
 
 /// What decided a verdict, where the effects do not show it. `taken`, `left`: parts of the gap that names take and leave. `drives`: whether
 /// what is left depends on the velocity and goes with it.
@@ -261,7 +259,7 @@ impl Found<'_> {
     fn weights(&self) -> Vec<f64> {
         let scores = self.sets.iter().map(|set| set.score);
         let best = scores.fold(f64::NEG_INFINITY, f64::max);
-        let odds = |set: &Scored| ((set.score - best) / TEMPERATURE).exp();
+        let odds = |set: &Scored| (set.score - best).exp();
         let sum: f64 = self.sets.iter().map(odds).sum();
         self.sets.iter().map(|set| odds(set) / sum).collect()
     }

@@ -114,6 +114,7 @@ impl Joint {
     pub fn of_arm(&self, cause: Cause) -> &[Vec<f64>] {
         match cause {
             Cause::Payload => &self.rows.payload,
+            Cause::Delay => &self.rows.late,
             Cause::Tilt => &self.rows.tilt,
         }
     }

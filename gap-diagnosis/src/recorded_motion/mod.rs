@@ -12,6 +12,7 @@ mod motion;
 mod presliding;
 mod rows;
 mod shared;
+mod sign;
 mod signals;
 mod usable;
 
@@ -36,8 +37,9 @@ use dynamics::{Drive, Torques};
 use joint::{Joint, Searched};
 use laws::Laws;
 use motion::{Piece, Read};
-use rows::{JointRows, Sign};
-use shared::Arm;
+use rows::JointRows;
+use shared::{Arm, Late};
+use sign::Sign;
 use usable::Usable;
 
 /// Diagnoses a robot along the motion that was recorded. Effects below `materiality` are minor ones.
@@ -116,6 +118,8 @@ pub fn diagnose(
             }
             all.retain(|found| found.causes().all(|cause| mattering.contains(&cause)));
         };
+        let late = shared::late(robot, &arms, &all[0]);
+        report.data.extend(late.as_ref().map(note_of_late));
         let probabilities = Cause::ALL.map(|cause| shared::probability(cause, &all));
         let shared::Found { arm, shared, .. } = all.swap_remove(0);
         let joints = arms.swap_remove(arm).joints;
@@ -166,6 +170,22 @@ pub fn diagnose(
     Ok(Diagnosis { report, traces })
 }
 
+/// What one delay of all references would explain of what is told as friction.
+fn note_of_late(late: &Late) -> DataFinding {
+    let Late { delay_s, nats } = late;
+    DataFinding {
+        joint: None,
+        severity: "warning".to_owned(),
+        what: format!(
+            "one delay of all references, {:.1} ± {:.1} ms, explains the joints better than what is named does, by {nats:.0} nats, and takes \
+             the place of viscous friction: where no torque was measured nothing else tells them apart",
+            1e3 * delay_s.value,
+            1e3 * delay_s.std,
+        ),
+        remedy: "measure how late a reference reaches its drive, and take that off the references' times; or record a torque".to_owned(),
+    }
+}
+
 /// In which newton metres the values stand beside a torque constant.
 fn note_of_scale(told: &JointReport) -> Option<DataFinding> {
     let factor = told.motor_per_recorded();
@@ -188,10 +208,10 @@ fn note_of_scale(told: &JointReport) -> Option<DataFinding> {
 /// What a torque sensor is wrong by, as the line of the mapping file that puts it right.
 fn note_of_sensor(told: &JointReport) -> Option<DataFinding> {
     let value = |kind: EffectKind, parameter: &str| {
-        let mut named = told
-            .named()
-            .filter(|found| told.is_of_sensor(&found.effect));
-        let found = named.find(|found| found.effect == kind.name())?;
+        // what is minor may as well be none
+        let mut named = told.effects.iter();
+        let found =
+            named.find(|found| told.is_of_sensor(&found.effect) && found.effect == kind.name())?;
         Some(found.parameters.get(parameter)?.value)
     };
     let gain = value(EffectKind::TorqueConstantError, "gain");

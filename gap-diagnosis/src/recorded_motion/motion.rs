@@ -34,6 +34,9 @@ pub struct JointMotion {
     /// Part of the torque that a controller makes of the reference's velocity, where no column tells that velocity: some controllers feed
     /// it, others brake the whole velocity.
     pub rate_feed_nm: Option<Vec<f64>>,
+    /// By how much more the torque is reckoned, per second by which the reference reaches the drive later than it was recorded; none where
+    /// the torque is not the controller's.
+    pub late_nm_s: Option<Vec<f64>>,
     /// What was commanded, where that is beside the torque.
     pub command_nm: Option<Vec<f64>>,
     /// Noise of the torque from sample to sample, if it is alike at all frequencies.
@@ -188,6 +191,7 @@ fn joint(
         Ok(Some(values))
     };
     let mut rate_feed_nm = None;
+    let mut late_nm_s = None;
     let torque_nm = match read.torque {
         Some(TorqueSource::Drive) => torque(Signal::MotorTorqueNm, ratio)?,
         Some(TorqueSource::Command) => torque(Signal::CommandTorqueNm, ratio)?,
@@ -195,6 +199,7 @@ fn joint(
         Some(TorqueSource::Controller) => {
             let reference_rad = torque(Signal::ReferencePositionRad, 1.0)?.unwrap_or_default();
             let rate_rad_s = velocity_reference(columns, grid);
+            late_nm_s = late(robot, index, &reference_rad, rate_hz);
             if rate_rad_s.is_none() {
                 rate_feed_nm = rate_feed(robot, index, &reference_rad, rate_hz);
             }
@@ -230,6 +235,7 @@ fn joint(
         position_rad: thinned(&smooth_rad, every),
         torque_nm: limited(torque_nm)?,
         rate_feed_nm: limited(rate_feed_nm)?,
+        late_nm_s: limited(late_nm_s)?,
         command_nm: limited(command_nm)?,
         is_whole: is_whole.into_iter().step_by(every).collect(),
         is_moving: moving.into_iter().step_by(every).collect(),
@@ -335,6 +341,13 @@ fn rate_feed(robot: &Robot, joint: usize, reference_rad: &[f64], rate_hz: f64) -
     let kd = controller(robot)?.derivative_nm_s_rad[joint];
     let rate_rad_s = derivative(reference_rad, 1.0 / rate_hz);
     Some(rate_rad_s.iter().map(|rate| kd * rate).collect())
+}
+
+/// `kp` times the reference's rate: what its stiffness makes of a reference that is a second later, to first order.
+fn late(robot: &Robot, joint: usize, reference_rad: &[f64], rate_hz: f64) -> Option<Vec<f64>> {
+    let kp = controller(robot)?.proportional_nm_rad[joint];
+    let rate_rad_s = derivative(reference_rad, 1.0 / rate_hz);
+    Some(rate_rad_s.iter().map(|rate| kp * rate).collect())
 }
 
 impl JointMotion {

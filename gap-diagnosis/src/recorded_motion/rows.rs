@@ -17,9 +17,6 @@ use crate::twin::known::PART_MIN;
 
 /// Compared rows of a joint at most: twenty times as many as are independent on the longest of eight real logs.
 const ROWS_MAX: usize = 3000;
-/// A torque's sign is clear where what goes with or against the motion is so many times the square of all else: two of its root mean
-/// squares.
-const CLEAR: f64 = 4.0;
 /// Part of its speed that a joint usually does not exceed.
 const USUAL: f64 = 0.95;
 /// Standard deviation of the time by which torque and position may be apart beside a sample, in seconds: filters of usual drives and
@@ -51,6 +48,8 @@ pub struct JointRows {
     pub tip: Vec<Vec<f64>>,
     /// Columns of the base's roll and pitch.
     pub tilt: Vec<Vec<f64>>,
+    /// The column of a late reference; none where the torque is not the controller's.
+    pub late: Vec<Vec<f64>>,
     /// Usual speed.
     pub speed_rad_s: f64,
     /// Mean position.
@@ -63,17 +62,6 @@ pub struct JointRows {
     pub inertia_kg_m2: f64,
     /// Noise of the torque within the band, if it is alike at all frequencies.
     pub noise_nm: f64,
-}
-
-/// Which way a torque goes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sign {
-    /// As masses and friction need it.
-    Right,
-    /// Against them.
-    Reversed,
-    /// They do not tell.
-    Untold,
 }
 
 /// What one piece gives to a joint's rows.
@@ -269,42 +257,11 @@ impl JointRows {
         columns
     }
 
-    /// Which way the torque goes, where both what the rigid bodies need of it and friction tell it clearly.
-    pub fn sign(&self) -> Sign {
-        let slip = self.laws.iter().find(|(law, _)| *law == Law::Coulomb);
-        let Some(slip) = slip.and_then(|(_, columns)| columns.first()) else {
-            return Sign::Untold;
-        };
-        let mut gram = SMatrix::<f64, 4, 4>::identity() * f64::MIN_POSITIVE;
-        let mut vector = SVector::<f64, 4>::zeros();
-        let mut squares = SVector::<f64, 4>::zeros();
-        let mean_nm = self.rigid_nm.iter().sum::<f64>() / self.seen.count().max(1) as f64;
-        for (k, slip) in slip.iter().enumerate() {
-            let x = SVector::from([
-                self.rigid_nm[k] - mean_nm,
-                *slip,
-                self.seen.velocity_rad_s[k],
-                1.0,
-            ]);
-            gram += x * x.transpose();
-            vector += x * self.seen.measured_nm[k];
-            squares += x.component_mul(&x);
-        }
-        let Some(solved) = gram.cholesky() else {
-            return Sign::Untold;
-        };
-        let values = solved.solve(&vector);
-        let left = self.seen.measured_nm.iter().map(|x| x * x).sum::<f64>() - values.dot(&vector);
-        let part = |k: usize| values[k].signum() * values[k].powi(2) * squares[k];
-        let (rigid, friction) = (part(0), part(1));
-        let is_clear = (rigid + friction).abs() > CLEAR * left;
-        if is_clear && rigid <= 0.0 && friction <= 0.0 {
-            Sign::Reversed
-        } else if is_clear && rigid >= 0.0 && friction >= 0.0 {
-            Sign::Right
-        } else {
-            Sign::Untold
-        }
+    /// Columns of a law; none where the joint may not have it.
+    pub fn columns(&self, of: Law) -> &[Vec<f64>] {
+        let mut all = self.laws.iter();
+        let found = all.find(|(law, _)| *law == of);
+        found.map_or(&[], |(_, columns)| columns)
     }
 
     fn add(
@@ -344,6 +301,9 @@ impl JointRows {
         join(&mut self.payload, of_arm(&torques.payload, joint, kept)?);
         join(&mut self.tip, of_arm(&torques.tip, joint, kept)?);
         join(&mut self.tilt, of_arm(&torques.tilt, joint, kept)?);
+        let late = motion.late_nm_s.iter();
+        let late = late.map(|late| kept.limited(late));
+        join(&mut self.late, late.collect::<Result<Vec<_>, _>>()?);
         if let Some(torque_nm) = motion.torque_nm(self.feeds_rate) {
             let smooth_nm = kept.band.limit(&torque_nm)?;
             let mut untold = vec![kept.raw(&clock(&smooth_nm, piece, motion))];

@@ -1,5 +1,6 @@
 //! The search for a cause that the arm shares: every joint's sets beside it, with what the other joints say of it.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use robot::Robot;
@@ -9,8 +10,8 @@ use super::joint::{Joint, Searched};
 use crate::diagnose::Progress;
 use crate::evidence::Message;
 use crate::evidence::arm::{self, Cause, ROUNDS, Shared};
-use crate::evidence::told::TEMPERATURE;
 use crate::on_all_cores::OnAllCores;
+use crate::report::Parameter;
 
 /// All joints by themselves, their torques in some units.
 pub struct Arm {
@@ -72,8 +73,8 @@ pub fn searched(
     } else {
         vec![recorded]
     };
-    let [payload, tilt] = Cause::ALL;
-    let causes: [&[Cause]; 3] = [&[payload], &[tilt], &Cause::ALL];
+    let [payload, tilt] = Cause::OF_MASSES;
+    let causes: [&[Cause]; 3] = [&[payload], &[tilt], &Cause::OF_MASSES];
     let all = (0..arms.len()).flat_map(|arm| causes.map(|causes| (arm, causes)));
     let mut all: Vec<Found> = all
         .filter_map(|(arm, causes)| beside(robot, &arms, arm, causes))
@@ -88,6 +89,27 @@ pub fn searched(
     (arms, all)
 }
 
+/// A delay of all references that tells the joints better than what is told of them.
+pub struct Late {
+    /// With its standard error.
+    pub delay_s: Parameter,
+    /// By which it is better.
+    pub nats: f64,
+}
+
+/// One delay of all references beside the shared causes that are told, where the joints are better told with it.
+pub fn late(robot: &Robot, arms: &[Arm], told: &Found) -> Option<Late> {
+    let with_delay = |cause: &Cause| *cause == Cause::Delay || told.causes().any(|of| of == *cause);
+    let causes: Vec<Cause> = Cause::ALL.into_iter().filter(with_delay).collect();
+    let late = beside(robot, arms, told.arm, &causes)?;
+    let nats = late.nats - told.nats;
+    let mut shared = late.shared.into_iter();
+    let delay = shared.find(|shared| shared.cause() == Cause::Delay)?;
+    let told = delay.told(1.0, BTreeMap::new()).effect;
+    let delay_s = *told.parameters.get("delay_s")?;
+    (nats > 0.0).then_some(Late { delay_s, nats })
+}
+
 impl Found {
     /// Which.
     pub fn causes(&self) -> impl Iterator<Item = Cause> {
@@ -98,7 +120,7 @@ impl Found {
 /// How probable a cause is, among all that may be.
 pub fn probability(cause: Cause, all: &[Found]) -> f64 {
     let best = all.iter().map(|found| found.nats).fold(0.0, f64::max);
-    let weight = |found: &Found| ((found.nats - best) / TEMPERATURE).exp();
+    let weight = |found: &Found| (found.nats - best).exp();
     let has = |found: &&Found| found.causes().any(|other| other == cause);
     let with: f64 = all.iter().filter(has).map(weight).sum();
     with / all.iter().map(weight).sum::<f64>()
@@ -127,7 +149,7 @@ fn beside(robot: &Robot, arms: &[Arm], arm: usize, causes: &[Cause]) -> Option<F
     let columns = |joint: &Joint, centre_m: [f64; 3]| {
         let each = causes.iter().map(|cause| match cause {
             Cause::Payload => joint.rows.payload_at(centre_m),
-            Cause::Tilt => joint.of_arm(*cause).to_vec(),
+            Cause::Delay | Cause::Tilt => joint.of_arm(*cause).to_vec(),
         });
         each.flatten().collect::<Vec<Vec<f64>>>()
     };
@@ -162,7 +184,7 @@ fn beside(robot: &Robot, arms: &[Arm], arm: usize, causes: &[Cause]) -> Option<F
         // a payload is the first
         let centre_m = match causes[0] {
             Cause::Payload => [1, 2, 3].map(|k| said[k] / said[0]),
-            Cause::Tilt => [0.0; 3],
+            Cause::Delay | Cause::Tilt => [0.0; 3],
         };
         if causes.contains(&Cause::Tilt) {
             // it is the last

@@ -1,0 +1,82 @@
+//! Which way a recorded torque goes: as what is accelerated, what is carried and friction need it, or against them.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::laws::Law;
+use super::rows::JointRows;
+use crate::evidence::PARTS;
+
+/// A torque's sign is clear where what goes with or against the motion is so many times the square of all else: two of its root mean
+/// squares.
+const CLEAR: f64 = 4.0;
+
+/// Which way a torque goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sign {
+    /// As masses and friction need it.
+    Right,
+    /// Against them.
+    Reversed,
+    /// They do not tell.
+    Untold,
+}
+
+impl JointRows {
+    /// Which way the torque goes, where both friction and what the rigid bodies need of it tell it clearly; or, as masses may be any,
+    /// friction and the inertia that the torque shows, beside gravity however strong.
+    pub fn sign(&self) -> Sign {
+        let [slip, acceleration] =
+            [Law::Coulomb, Law::Inertia].map(|law| self.columns(law).first());
+        let (Some(slip), Some(acceleration)) = (slip, acceleration) else {
+            return Sign::Untold;
+        };
+        let ones = vec![1.0; slip.len()];
+        let velocity = &self.seen.velocity_rad_s;
+        let mean_nm = self.rigid_nm.iter().sum::<f64>() / slip.len().max(1) as f64;
+        let rigid: Vec<f64> = self.rigid_nm.iter().map(|x| x - mean_nm).collect();
+        let by_masses = self.told_by(&rigid, slip, &[velocity, &ones]);
+        if by_masses != Sign::Untold {
+            return by_masses;
+        }
+        let gravity = self.columns(Law::Gravity).iter();
+        let beside: Vec<&Vec<f64>> = [velocity, &ones].into_iter().chain(gravity).collect();
+        self.told_by(acceleration, slip, &beside)
+    }
+
+    /// By the signs of what moves masses and of friction, beside other columns (least squares), against what they leave of parts of the
+    /// motion that they were not fitted to.
+    fn told_by(&self, masses: &[f64], slip: &[f64], beside: &[&Vec<f64>]) -> Sign {
+        let of = [masses, slip].into_iter();
+        let of: Vec<&[f64]> = of.chain(beside.iter().map(|column| &column[..])).collect();
+        let rows = slip.len();
+        let products = |part: usize| {
+            let (from, to) = (part * rows / PARTS, (part + 1) * rows / PARTS);
+            let x = DMatrix::from_fn(to - from, of.len(), |row, column| of[column][from + row]);
+            let y = DVector::from_column_slice(&self.seen.measured_nm[from..to]);
+            (x.tr_mul(&x), x.tr_mul(&y), y.norm_squared())
+        };
+        let parts: Vec<_> = (0..PARTS).map(products).collect();
+        let gram: DMatrix<f64> = parts.iter().map(|(gram, ..)| gram).sum();
+        let vector: DVector<f64> = parts.iter().map(|(_, vector, _)| vector).sum();
+        let Some(values) = gram.clone().cholesky().map(|of| of.solve(&vector)) else {
+            return Sign::Untold;
+        };
+        let left = parts.iter().map(|(own, own_vector, square)| {
+            let others = (&gram - own).cholesky()?.solve(&(&vector - own_vector));
+            Some(square - 2.0 * others.dot(own_vector) + others.dot(&(own * &others)))
+        });
+        let Some(left) = left.sum::<Option<f64>>() else {
+            return Sign::Untold;
+        };
+        let part = |k: usize| values[k].signum() * values[k].powi(2) * gram[(k, k)];
+        let (masses, friction) = (part(0), part(1));
+        let is_clear = (masses + friction).abs() > CLEAR * left;
+        if is_clear && masses <= 0.0 && friction <= 0.0 {
+            Sign::Reversed
+        } else if is_clear && masses >= 0.0 && friction >= 0.0 {
+            Sign::Right
+        } else {
+            Sign::Untold
+        }
+    }
+}
