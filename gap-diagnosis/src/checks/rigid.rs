@@ -6,20 +6,17 @@ use recording::{Recording, STILL_RAD};
 use robot::Robot;
 
 use crate::checks::found::ROWS_MIN;
+use crate::twin::known::LAW;
 use crate::twin::stretch::Stretch;
 
 /// Rate at which this is looked at: what rigid bodies do is slow.
 const RATE_HZ: f64 = 50.0;
-/// A joint slower than this part of its root mean square velocity may stick.
-const MOVES: f64 = 0.5;
 /// The rigid bodies leave this part of a joint's torque, as squares, where it may be another's.
 pub(crate) const OWN: f64 = 0.4;
-/// Below this part left no twin of a tolerance is told from a better one.
-const RIGHT: f64 = 0.01;
+/// Below this part left, as squares, nothing tells one twin from a better one: no law is truer.
+const RIGHT: f64 = LAW * LAW;
 /// Natural logarithm of the factor by which a change must let the rigid bodies leave less, over all joints.
 const GAIN: f64 = 2.0;
-/// Part of that by which any one joint may be worse.
-const WORSE: f64 = 0.1;
 
 /// Rows at about [`RATE_HZ`].
 pub(crate) fn thinned(recording: &Recording) -> Recording {
@@ -41,16 +38,12 @@ pub(crate) fn thinned(recording: &Recording) -> Recording {
 
 /// By how much a change lets the rigid bodies leave less of all joints' torques, if it is believed: the sum of natural logarithms.
 pub(crate) fn gain(before: &[f64], after: &[f64]) -> Option<f64> {
-    let each: Vec<f64> = before
-        .iter()
-        .zip(after)
-        .map(|(b, a)| (b.max(RIGHT) / a.max(RIGHT)).ln())
-        .collect();
-    let gain: f64 = each.iter().sum();
-    (gain > GAIN && each.iter().all(|own| *own > -WORSE * gain)).then_some(gain)
+    let each = before.iter().zip(after);
+    let gain: f64 = each.map(|(b, a)| (b.max(RIGHT) / a.max(RIGHT)).ln()).sum();
+    (gain > GAIN).then_some(gain)
 }
 
-/// A joint's torque while it moves, and what the rigid bodies make of it.
+/// A joint's torque, and what the rigid bodies make of it.
 pub(crate) struct Moving(Vec<Row>);
 
 struct Row {
@@ -73,8 +66,8 @@ pub(crate) struct MadeOf {
     pub left: f64,
     /// The same as a root mean square.
     pub left_nm: f64,
-    /// Part of the rows in the direction that has fewer of them.
-    pub other_way: f64,
+    /// Rows in the direction that has fewer of them.
+    pub other_way: usize,
 }
 
 impl Moving {
@@ -99,14 +92,9 @@ impl Moving {
         let rows: Vec<Row> = stretches
             .iter()
             .flat_map(|stretch| rows(robot, joint, torque_of, stretch))
+            .filter(|row| row.friction.y != 0.0)
             .collect();
-        let square = rows.iter().map(|row| row.friction.y.powi(2)).sum::<f64>();
-        let moves_rad_s = MOVES * (square / rows.len().max(1) as f64).sqrt();
-        let moving = rows
-            .into_iter()
-            .filter(|row| row.friction.y.abs() > moves_rad_s);
-        let moving: Vec<Row> = moving.collect();
-        (moving.len() >= ROWS_MIN).then_some(Self(moving))
+        (rows.len() >= ROWS_MIN).then_some(Self(rows))
     }
 
     /// What the rigid bodies leave of the squares of the torque beyond friction; all of it where that is not known.
@@ -131,17 +119,16 @@ impl Moving {
         let law = of_torque - rigid * of_rigid;
         let square = self.0.iter().map(|row| row.friction.y.powi(2)).sum::<f64>();
         let velocity_rad_s = (square / self.0.len() as f64).sqrt();
-        let rows = self.0.len() as f64;
         let positive = self.0.iter().filter(|row| row.friction.x > 0.0);
-        let one_way = positive.count() as f64 / rows;
+        let one_way = positive.count();
         let left = 1.0 - rigid * rigid * needed / all;
         let made_of = MadeOf {
             rigid,
             friction_nm: law.x + law.y * velocity_rad_s,
             velocity_rad_s,
             left,
-            left_nm: (left.max(0.0) * all / rows).sqrt(),
-            other_way: one_way.min(1.0 - one_way),
+            left_nm: (left.max(0.0) * all / self.0.len() as f64).sqrt(),
+            other_way: one_way.min(self.0.len() - one_way),
         };
         made_of.left.is_finite().then_some(made_of)
     }

@@ -6,20 +6,14 @@ use std::f64::consts::{PI, TAU};
 use recording::{Finding, FindingKind, JointColumns, Recording, Severity, Signal};
 use robot::{Robot, RobotJoint};
 
+use crate::checks::found::ROWS_MIN;
 use crate::checks::rigid::{MadeOf, Moving, OWN, gain, thinned};
+use crate::effects::GAIN;
 use crate::twin::stretch::{Stretch, rigid_stretches};
 
 const DEGREES: f64 = 180.0 / PI;
-/// No effect makes what the rigid bodies need so many times larger or smaller while friction agrees.
+/// No effect makes what the rigid bodies need so many times larger or smaller, nor friction beside that.
 const BY_EFFECTS: f64 = 8.0;
-/// Friction agrees if it is off by that factor, but for this one.
-const ALIKE: f64 = 3.0;
-/// Friction that drives a joint stands out so many times from what masses and friction leave of its torque, and shows in both
-/// directions, each with this part of the rows.
-const STANDS_OUT: f64 = 2.0;
-const BOTH_WAYS: f64 = 0.2;
-/// A factor is a unit's within this part.
-const NEAR: f64 = 0.25;
 /// What tells where a joint is.
 const POSITIONS: [Signal; 3] = [
     Signal::MotorPositionRad,
@@ -100,7 +94,7 @@ fn torque(joint: &RobotJoint, columns: &JointColumns, moving: &Moving) -> Option
         return Some(told);
     }
     let friction_off = friction.map_or(0.0, |friction| off(friction / rigid));
-    if rigid < 0.0 || friction_off > ALIKE.ln() {
+    if rigid < 0.0 || friction_off > BY_EFFECTS.ln() {
         return None;
     }
     if off(rigid) < BY_EFFECTS.ln() {
@@ -119,7 +113,7 @@ fn torque(joint: &RobotJoint, columns: &JointColumns, moving: &Moving) -> Option
         .iter()
         .filter_map(|(unit, name)| Some(((*unit)?, name)));
     let nearest = known
-        .filter(|(unit, _)| distance(*unit) < NEAR)
+        .filter(|(unit, _)| distance(*unit) < GAIN[1].ln())
         .min_by(|a, b| distance(a.0).total_cmp(&distance(b.0)));
     // masses that are missing, or too many, may be any factor off
     if nearest.is_none() && friction.is_none() {
@@ -172,8 +166,8 @@ fn driven(
 ) -> Option<Told> {
     let rigid = made_of.rigid;
     let friction_off = off(-friction / rigid.abs());
-    let stands_out = made_of.friction_nm < -STANDS_OUT * made_of.left_nm;
-    if friction_off > ALIKE.ln() || !stands_out || made_of.other_way < BOTH_WAYS {
+    let stands_out = made_of.friction_nm < -made_of.left_nm;
+    if friction_off > BY_EFFECTS.ln() || !stands_out || made_of.other_way < ROWS_MIN {
         return None;
     }
     let name = &joint.name;

@@ -16,6 +16,7 @@ mod sensors;
 use arrayvec::ArrayVec;
 use robot::{Effect, EffectKind, Scope, Stage};
 
+pub use self::drive::GAIN;
 use self::form::Turn;
 pub use self::list::{Shown, delay, lag, periodic, plain};
 use crate::twin::scale::Scale;

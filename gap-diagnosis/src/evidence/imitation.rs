@@ -13,8 +13,6 @@ use crate::signal::waves::PERIODS_MIN;
 
 /// Parts of the recording between which something may have changed at once: half of what is left out in turn.
 const INSTANTS: usize = 20;
-/// Part of the rate of rows below which a vibration is sought: at half of it a wave's sine is gone.
-const FASTEST: f64 = 0.4;
 
 /// Takes back those names of the best set whose part of the gap a smooth law explains better; sets with such a name are no more. Says whether
 /// a law explains something that the best set leaves. `counted`: a column of the rows as it counts in the evidence. `expected`: friction that
@@ -155,7 +153,6 @@ fn jumps(time_s: &[f64]) -> Vec<Vec<f64>> {
 /// The wave over time that shows most in a rest, with the logarithm of how many there are.
 fn vibration(time_s: &[f64], rest_nm: &[f64]) -> Option<(Vec<Vec<f64>>, f64)> {
     let whole_s = time_s.last()? - time_s.first()?;
-    let rows_hz = (time_s.len() - 1) as f64 / whole_s;
     let waves = |hz: f64| {
         [f64::sin, f64::cos].map(|of| {
             let angles = time_s.iter().map(|t| of(TAU * hz * t));
@@ -169,9 +166,9 @@ fn vibration(time_s: &[f64], rest_nm: &[f64]) -> Option<(Vec<Vec<f64>>, f64)> {
             .map(|wave| dot(wave, rest_nm).powi(2))
             .sum::<f64>()
     };
-    // half a line apart, so that none is missed
+    // half a line apart, so that none is missed, up to half the rate of rows, where a wave's sine is gone
     let first = (2.0 * PERIODS_MIN) as usize;
-    let last = (2.0 * FASTEST * rows_hz * whole_s) as usize;
+    let last = time_s.len() - 1;
     let all = (first..last).map(|k| 0.5 * k as f64 / whole_s);
     let most = all
         .map(|hz| (power(hz), hz))

@@ -7,6 +7,7 @@ use super::laws::{self, Law};
 use super::rows::JointRows;
 use super::shared::Prior;
 use super::signals::controller;
+use crate::effects::GAIN;
 use crate::evidence::arm::{self, Cause};
 use crate::evidence::imitation;
 use crate::evidence::{DEVIATIONS, Evidence, Fit, Item, Names, Presupposed, Problem, Scored, Span};
@@ -245,7 +246,7 @@ impl Joint {
         let mut size_nm = self.rows.unit_nm;
         let mut found = None;
         for _ in 0..ROUNDS {
-            if size_nm <= 0.0 || (laws::GAIN[0]..laws::GAIN[1]).contains(&size_nm) {
+            if size_nm <= 0.0 || (GAIN[0]..GAIN[1]).contains(&size_nm) {
                 return None;
             }
             let other = Self {

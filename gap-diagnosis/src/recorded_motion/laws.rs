@@ -7,6 +7,7 @@ use nalgebra::DMatrix;
 use robot::Effect;
 
 use super::motion::JointMotion;
+use crate::effects::GAIN;
 use crate::evidence::told::{self, Called};
 use crate::evidence::{AMPLITUDE_NATS, ERRORS, Fit, NAME_NATS, Presupposed};
 use crate::report::Parameter;
@@ -15,8 +16,6 @@ use crate::twin::joint::JointModel;
 /// Speeds of Stribeck's fall, as parts of the usual speed: 0.05 to 0.4, below which there are no rows and above which the law is
 /// viscous friction's.
 const STRIBECK_PARTS: [f64; 3] = [0.05, 0.15, 0.4];
-/// True over nominal torque within this: what is off by more is another unit, side or sign, which the checks of a recording find.
-pub const GAIN: [f64; 2] = [0.5, 2.0];
 /// What Coulomb and viscous friction cost less where nobody measured a joint's friction, in nats: every joint rubs, and it is the odds
 /// of a cause nobody expects that a name costs. A law that corrects one of them costs more by what naming that one would cost, where it is
 /// not named: with more, a friction of nothing would be named to save it.
