@@ -265,8 +265,9 @@ pub enum ReadProblem {
     NoHeader,
     /// A log without column names.
     #[error(
-        "begins with numbers, so its columns are called `1` to `{columns}`; say in {} which is which, or name them in the first \
-         line", mapping.display()
+        "begins with numbers, so its columns are called `1` to `{columns}`; say in {} which is which (`sample_rate_hz = 1000.0`, or \
+         `[columns]` and `time_s = \"1\"`; `[joint.NAME]` and `motor_position_rad = \"2\"`), or name them in the first line",
+        mapping.display()
     )]
     HeaderOfNumbers {
         /// How many.

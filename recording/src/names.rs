@@ -55,7 +55,7 @@ const VELOCITY: &[&str] = &[
     "qp",
 ];
 const TORQUE: &[&str] = &[
-    "torque", "torques", "tau", "effort", "efforts", "moment", "trq", "tq",
+    "torque", "torques", "tau", "effort", "efforts", "moment", "trq", "tq", "tor",
 ];
 const CURRENT: &[&str] = &["current", "currents", "amps", "cur"];
 const TEMPERATURE: &[&str] = &["temperature", "temp", "temperatures"];
@@ -279,8 +279,16 @@ pub(crate) fn meaning(name: &str) -> Option<Meaning> {
         let unit_of_word = UNITS
             .iter()
             .find(|(unit, _, _)| *unit == letters && number.is_empty());
-        if let Some(named) = named.filter(|_| quantity.is_none()) {
+        // the velocity of an angle is one
+        let is_new = |named: &Quantity| match quantity {
+            None => true,
+            Some(known) => (known, *named) == (Quantity::Position, Quantity::Velocity),
+        };
+        if let Some(named) = named.filter(is_new) {
             quantity = Some(named);
+        } else if quantity.is_none() && word == "rpm" {
+            (quantity, unit) = (Some(Quantity::Velocity), unit_of_word);
+            continue;
         } else if is(REFERENCE) {
             is_reference = true;
         } else if is(MOTOR) || is(LINK) && number.is_empty() {
@@ -412,6 +420,15 @@ mod tests {
             (told.quantity, told.scale),
             (Quantity::Velocity, Some(PI / 30.0))
         );
+        for (name, scale) in [("baseAngleVel", None), ("rpm_2", Some(PI / 30.0))] {
+            let told = meaning(name).unwrap();
+            assert_eq!(
+                (told.quantity, told.scale),
+                (Quantity::Velocity, scale),
+                "{name}"
+            );
+        }
+        assert_eq!(meaning("torAct").unwrap().quantity, Quantity::Torque);
         assert_eq!(meaning("wrist_current_mA").unwrap().scale, Some(1e-3));
         for (name, scale) in [
             ("q [°]", PI / 180.0),

@@ -1,8 +1,9 @@
 //! Logs that others wrote.
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
-use recording::{Recording, Signal, read};
+use recording::{GuessJoint, Recording, Signal, read, read_guessing};
 use std::f64::consts::PI;
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 struct Log(tempfile::TempDir);
@@ -416,4 +417,34 @@ fn an_industrial_robots_log_is_read_through_its_mapping() {
         .copied()
         .fold(0.0, |reach: f64, link| reach.max(link.abs()));
     assert!(apart_rad < 0.02 * reach_rad, "{apart_rad} of {reach_rad}");
+}
+
+#[test]
+fn cells_that_are_lists_are_tables_of_joints() {
+    let mut text = "type,timestamp,positions,torques\n".to_owned();
+    for row in 0..200 {
+        let time_s = 0.02 * f64::from(row);
+        let (a, b) = ((3.0 * time_s).sin(), (5.0 * time_s).cos());
+        // as Python and as NumPy print them
+        let _ = writeln!(
+            text,
+            "STATE,{:.3},\"[{a}, {b}]\",[{} 2e-1]",
+            1e6 * time_s,
+            2.0 * a
+        );
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("state.csv");
+    std::fs::write(&path, text).unwrap();
+    let joints = ["shoulder", "elbow"].map(|name| GuessJoint {
+        name: name.to_owned(),
+        gear_ratio: 1.0,
+        is_limited: true,
+    });
+    let (recording, guess) = read_guessing(&path, &joints).unwrap();
+    assert_eq!(guess.unwrap().columns.len(), 4);
+    assert!((recording.sample_rate_hz - 50.0).abs() < 1e-6);
+    let elbow = &recording.joint("elbow").unwrap().signals;
+    assert_eq!(elbow[&Signal::JointTorqueNm][7], 0.2);
+    assert_eq!(elbow[&Signal::LinkPositionRad][7], (5.0_f64 * 0.14).cos());
 }

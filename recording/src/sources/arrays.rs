@@ -87,6 +87,7 @@ const NEARLY: f64 = 0.1;
 
 /// The log that these arrays are. Those of another length are left out, unless they are measured and nearly as long.
 pub(super) fn frame_of(mut arrays: Vec<Array>) -> Result<Frame, ReadProblem> {
+    name_as_simulink_means(&mut arrays);
     take_off_the_common_struct(&mut arrays);
     let rows = rows_of(&arrays);
     let mut frame = Frame::default();
@@ -105,6 +106,38 @@ pub(super) fn frame_of(mut arrays: Vec<Array>) -> Result<Frame, ReadProblem> {
         frame.notes.insert(LEFT_OUT.to_owned(), left_out.join(", "));
     }
     Ok(frame)
+}
+
+/// Simulink's structures with time: `angle.signals.values` is `angle`, and the `angle.time` of all that have the same one is `time`.
+fn name_as_simulink_means(arrays: &mut Vec<Array>) {
+    const VALUES: &str = ".signals.values";
+    let structs = arrays
+        .iter()
+        .filter_map(|array| array.name.strip_suffix(VALUES));
+    let structs: Vec<String> = structs.map(str::to_owned).collect();
+    let is_time = |array: &Array| {
+        let of = array.name.strip_suffix(".time");
+        of.is_some_and(|of| structs.iter().any(|known| known == of))
+    };
+    let numbers = |array: &Array| array.columns.iter().flat_map(Values::numbers).collect();
+    let times = arrays.iter().filter(|array| is_time(array)).map(numbers);
+    let times: Vec<Vec<f64>> = times.collect();
+    // each sums up its own steps
+    let is_near = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-9 * a.abs().max(b.abs());
+    let is_one_clock = times
+        .windows(2)
+        .all(|two| two[0].len() == two[1].len() && two[0].iter().zip(&two[1]).all(is_near));
+    let mut has_time = false;
+    arrays.retain_mut(|array| {
+        if is_time(array) && is_one_clock {
+            array.name = "time".to_owned();
+            return !std::mem::replace(&mut has_time, true);
+        }
+        if let Some(of) = array.name.strip_suffix(VALUES) {
+            array.name = of.to_owned();
+        }
+        true
+    });
 }
 
 /// `log.t`, `log.q` are `t` and `q` where there is nothing beside `log`.
@@ -174,6 +207,23 @@ mod tests {
         for axes in [[3, 3], [u64::MAX, 2]] {
             assert!(Shape::of(&axes, false, 8).is_err());
         }
+    }
+
+    #[test]
+    fn simulinks_structures_are_their_values_with_one_time() {
+        let mut arrays = vec![
+            array("angle.time", 1, 50),
+            array("angle.signals.values", 1, 50),
+            array("angle.signals.dimensions", 1, 1),
+            array("volts.time", 1, 50),
+            array("volts.signals.values", 1, 50),
+        ];
+        name_as_simulink_means(&mut arrays);
+        let names: Vec<&str> = arrays.iter().map(|array| array.name.as_str()).collect();
+        assert_eq!(
+            names,
+            ["time", "angle", "angle.signals.dimensions", "volts"]
+        );
     }
 
     #[test]

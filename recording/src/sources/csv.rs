@@ -1,7 +1,7 @@
 //! CSV logs, with the columns' names or a mapping file saying what they hold.
 
 use super::csv_text::Uncommented;
-use super::{Log, Source};
+use super::{Log, Source, lists};
 use crate::builder::TableBuilder;
 use crate::clock::{Instant, UnitsPerSecond};
 use crate::columns::{Cells, Plan, whole};
@@ -26,12 +26,18 @@ impl Source for Csv {
     }
 
     fn frame(&self, path: &Path, _: &Mapping) -> Result<Frame, ReadProblem> {
-        read_frame(path)
+        match lists::frame(path)? {
+            Some(frame) => Ok(frame),
+            None => read_frame(path),
+        }
     }
 
     fn read(&self, path: &Path, mapping: &MappingFile<'_>) -> Result<Recording, ReadProblem> {
         let (mapping, mapping_path) = mapping.load()?;
-        read_table(path, &mapping, &mapping_path)
+        match lists::frame(path)? {
+            Some(frame) => frame.into_table(&mapping, &mapping_path),
+            None => read_table(path, &mapping, &mapping_path),
+        }
     }
 
     fn read_guessing(
@@ -40,6 +46,9 @@ impl Source for Csv {
         joints: &[GuessJoint],
     ) -> Result<(Recording, Option<Guess>), ReadProblem> {
         let mapping_path = mapping_beside(path);
+        if let Some(frame) = lists::frame(path)? {
+            return frame.into_guessed_table(&mapping_path, joints);
+        }
         match read_table(path, &Mapping::default(), &mapping_path) {
             Err(ReadProblem::NoSignals { mapping, columns }) => {
                 let guess = guess_frame(&read_frame(path)?, joints);
@@ -85,7 +94,7 @@ fn read_frame(path: &Path) -> Result<Frame, ReadProblem> {
     })
 }
 
-type Lines = csv::Reader<Uncommented<BufReader<File>>>;
+pub(super) type Lines = csv::Reader<Uncommented<BufReader<File>>>;
 
 /// The table of a CSV log.
 fn read_table(
@@ -96,8 +105,9 @@ fn read_table(
     let (mut lines, header) = open(path)?;
     let plan = Plan::new(header.clone(), &[], mapping, mapping_path);
     let plan = plan.map_err(|problem| match problem {
+        // whoever mapped the columns has seen that already
         ReadProblem::NoSignals { .. } | ReadProblem::NoTimeColumn { .. }
-            if are_counted(&header) =>
+            if mapping.joints.is_empty() && are_counted(&header) =>
         {
             ReadProblem::HeaderOfNumbers {
                 columns: header.len(),
@@ -124,7 +134,7 @@ fn read_table(
 }
 
 /// The lines after the one that names the columns, and the names.
-fn open(path: &Path) -> Result<(Lines, Vec<String>), ReadProblem> {
+pub(super) fn open(path: &Path) -> Result<(Lines, Vec<String>), ReadProblem> {
     let (text, start) = Uncommented::open(BufReader::new(File::open(path)?))?;
     let mut reader = csv::ReaderBuilder::new();
     reader.delimiter(start.delimiter).trim(csv::Trim::All);
@@ -169,7 +179,7 @@ fn read_header<R: Read>(lines: &mut csv::Reader<R>) -> Result<Vec<String>, ReadP
     Ok(names)
 }
 
-fn line_problem(error: csv::Error) -> ReadProblem {
+pub(super) fn line_problem(error: csv::Error) -> ReadProblem {
     let text = error.to_string();
     match error.into_kind() {
         csv::ErrorKind::Io(error) => ReadProblem::Io(error),

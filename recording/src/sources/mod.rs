@@ -7,6 +7,7 @@ mod csv;
 mod csv_text;
 mod hdf5;
 mod lerobot;
+mod lists;
 mod mat;
 mod mcap;
 mod npz;
