@@ -82,8 +82,15 @@ impl Cause {
         };
         match self {
             Self::Payload => {
-                let (mass_kg, names) = (said[0], ["centre_m_x", "centre_m_y", "centre_m_z"]);
-                let centre = names.into_iter().zip(1..).map(|(name, k)| {
+                let mass_kg = said[0];
+                // `centre_m` is the distance along z
+                let places = [
+                    ("centre_m_x", 1),
+                    ("centre_m_y", 2),
+                    ("centre_m_z", 3),
+                    ("centre_m", 3),
+                ];
+                let centre = places.into_iter().map(|(name, k)| {
                     let mut slope = [0.0; 4];
                     (slope[0], slope[k]) = (-said[k] / mass_kg.powi(2), 1.0 / mass_kg);
                     (name, error(&slope))
