@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use gap_diagnosis::report::{JointReport, Remaining, Remains, Report, Verdict};
 use gap_diagnosis::{Options, diagnose};
+use joint_model::rigid_body::{Chain, Link};
 use recording::{JointColumns, Recording, Signal};
 use robot::{Robot, RobotFile, Source};
 
@@ -248,6 +249,27 @@ fn a_reversed_torque_is_told_and_not_used() {
         "{}",
         report.joints[0].reason
     );
+}
+
+#[test]
+fn a_reversed_torque_is_seen_beside_masses_that_are_far_off() {
+    let log = plain();
+    let time_s = log.time_s.clone();
+    let mut signals = as_recorded(log);
+    let mut light = robot("");
+    let links = light.chain.links().iter().map(|link| Link {
+        mass_kg: 0.02,
+        inertia_kg_m2: 0.01 * link.inertia_kg_m2,
+        ..link.clone()
+    });
+    let links: Vec<Link> = links.collect();
+    let gravity_m_s2 = light.chain.gravity_m_s2();
+    light.chain = Chain::new(&links, gravity_m_s2, nalgebra::Isometry3::identity()).unwrap();
+    let right = told(&light, recording(time_s.clone(), signals.clone()));
+    assert_ne!(right.joints[0].verdict, Verdict::InsufficientData);
+    signals[3].1.iter_mut().for_each(|nm| *nm = -*nm);
+    let report = told(&light, recording(time_s, signals));
+    assert_eq!(report.joints[0].reason, "motor_torque_nm is reversed");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use gap_diagnosis::report::{Report, Verdict};
 use gap_diagnosis::{Options, diagnose};
 use recording::{JointColumns, Recording, Signal};
-use robot::{Effect, Robot, RobotFile, Source};
+use robot::{Control, ControlKind, Effect, Feedback, Feedforward, Robot, RobotFile, Source};
 
 const RATE_HZ: f64 = 250.0;
 const JOINTS: [&str; 3] = ["base", "shoulder", "elbow"];
@@ -48,7 +48,13 @@ fn told_of(real: &Robot, factors: [f64; 3]) -> Report {
 
 /// The same with what is recorded of each joint's torque, by its velocity.
 fn told_when(real: &Robot, recorded_nm: impl Fn(usize, f64, f64) -> f64) -> Report {
-    let robot = robot();
+    let recordings = [("log".to_owned(), recorded(real, recorded_nm))];
+    diagnose(&robot(), &recordings, &Options::default(), &|_| ())
+        .unwrap()
+        .report
+}
+
+fn recorded(real: &Robot, recorded_nm: impl Fn(usize, f64, f64) -> f64) -> Recording {
     let chain = real.loaded_chain().unwrap();
     let waves = [[0.7, 0.9], [0.5, 1.3], [0.8, 1.1]];
     let rows = (20.0 * RATE_HZ) as usize;
@@ -85,18 +91,14 @@ fn told_when(real: &Robot, recorded_nm: impl Fn(usize, f64, f64) -> f64) -> Repo
                 (Signal::MotorTorqueNm, torque),
             ]),
         });
-    let recording = Recording {
+    Recording {
         time_s,
         segment: None,
         joints: joints.collect(),
         sample_rate_hz: RATE_HZ,
         metadata: BTreeMap::new(),
         truncated: false,
-    };
-    let recordings = [("log".to_owned(), recording)];
-    diagnose(&robot, &recordings, &Options::default(), &|_| ())
-        .unwrap()
-        .report
+    }
 }
 
 fn has_friction(report: &Report) {
@@ -262,4 +264,62 @@ fn a_load_far_heavier_than_the_file_s_links_is_no_unit_of_the_torques_that_carry
         let unit = joint.torque.unwrap().unit;
         assert!((unit - 1.0).abs() < 1e-12, "{}: {unit}", joint.joint);
     }
+}
+
+/// The arm under stiffnesses of 20 and 30 Nm/rad, of which positions and a reference were recorded: that reaches its drive so many rows
+/// later.
+fn told_without_torques(late_rows: usize) -> Report {
+    let stiffness_nm_rad = [20.0, 30.0, 20.0];
+    let control = Control {
+        rate_hz: RATE_HZ,
+        kind: ControlKind::PdFeedforward,
+        proportional_nm_rad: stiffness_nm_rad.to_vec(),
+        derivative_nm_s_rad: vec![0.0; 3],
+        feedback: Feedback::Link,
+        feedforward: Feedforward::None,
+        velocity_filter_hz: 0.0,
+        velocity_filter_order: 1,
+        delay_cycles: 0,
+    };
+    let file = Robot {
+        control: Some(control),
+        ..robot()
+    };
+    let mut recording = recorded(&robot(), |_, torque_nm, _| torque_nm);
+    for (joint, stiffness_nm_rad) in recording.joints.iter_mut().zip(stiffness_nm_rad) {
+        let torque_nm = joint.signals.remove(&Signal::MotorTorqueNm).unwrap();
+        let position_rad = &joint.signals[&Signal::LinkPositionRad];
+        let both = position_rad.iter().zip(&torque_nm);
+        let mut reference_rad: Vec<f64> = both.map(|(q, nm)| q + nm / stiffness_nm_rad).collect();
+        reference_rad.rotate_left(late_rows);
+        joint
+            .signals
+            .insert(Signal::ReferencePositionRad, reference_rad);
+    }
+    let recordings = [("log".to_owned(), recording)];
+    diagnose(&file, &recordings, &Options::default(), &|_| ())
+        .unwrap()
+        .report
+}
+
+#[test]
+fn one_delay_of_all_references_is_a_warning_and_no_name() {
+    let delays_ms = |report: &Report| -> Vec<f64> {
+        let all = report.data.iter();
+        let told = all.filter_map(|found| {
+            found
+                .what
+                .strip_prefix("one delay of all references, about ")
+        });
+        told.map(|text| text.split(' ').next().unwrap().parse().unwrap())
+            .collect()
+    };
+    assert!(delays_ms(&told_without_torques(0)).is_empty());
+    let late = told_without_torques(10);
+    let [delay_ms] = delays_ms(&late)[..] else {
+        panic!("{:?}", late.data);
+    };
+    // to first order of a reference that jumps where friction turns round
+    assert!((20.0..80.0).contains(&delay_ms), "{delay_ms}");
+    assert!(late.shared_effects.is_empty());
 }

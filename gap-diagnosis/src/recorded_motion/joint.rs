@@ -120,6 +120,15 @@ impl Joint {
         }
     }
 
+    /// Names that causes of the arm are held against: to second order a late reference is half of it viscous friction, so that beside that
+    /// it would be told as half as late.
+    pub fn in_place_of(&self, causes: &[Cause]) -> Names {
+        let is_alike = |law: Law| law == Law::Viscous && causes.contains(&Cause::Delay);
+        let laws = self.rows.laws.iter().enumerate();
+        let alike = laws.filter(|(_, (law, _))| is_alike(*law));
+        alike.fold(0, |names, (place, _)| names | 1 << place)
+    }
+
     fn spans(&self) -> [Span; 1] {
         let torque_nm = &self.rows.seen.measured_nm;
         let square = torque_nm.iter().map(|x| x * x).sum::<f64>();
@@ -130,7 +139,7 @@ impl Joint {
     }
 
     /// What decides among its names, beside what the arm shares.
-    pub fn evidence(&self, shared: Option<&Prior>) -> Evidence {
+    pub fn evidence(&self, shared: Option<&Prior<'_>>) -> Evidence {
         Evidence::of(&Problem {
             gap_nm: &self.rows.seen.gap_nm(),
             spans: &self.spans(),
@@ -152,10 +161,16 @@ impl Joint {
         }
     }
 
-    /// Its sets beside what the arm shares.
-    pub fn searched(&self, shared: Option<&Prior>) -> Searched {
+    /// Its sets beside what the arm shares, without what that stands for.
+    pub fn searched(&self, shared: Option<&Prior<'_>>) -> Searched {
         let evidence = self.evidence(shared);
-        let sets = evidence.best(|fit| self.is_possible(fit));
+        let in_place_of = shared.map_or(0, |prior| self.in_place_of(prior.causes));
+        let has_none = |fit: &Fit| {
+            fit.amplitudes
+                .iter()
+                .all(|(item, _)| in_place_of & 1 << item == 0)
+        };
+        let sets = evidence.best(|fit| has_none(fit) && self.is_possible(fit));
         Searched {
             evidence,
             sets,
@@ -212,6 +227,7 @@ impl Joint {
             Cause::Payload.cost()
         };
         let other_masses = self.searched(Some(&Prior {
+            causes: &[Cause::Payload],
             columns: self.rows.payload.clone(),
             message: arm::prior(&[Cause::Payload]),
         }));

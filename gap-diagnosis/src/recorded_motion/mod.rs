@@ -170,17 +170,17 @@ pub fn diagnose(
     Ok(Diagnosis { report, traces })
 }
 
-/// What one delay of all references would explain of what is told as friction.
+/// What one delay of all references would explain of what is told as friction. Its size is to first order in what the reference does
+/// within it, so no error goes with it.
 fn note_of_late(late: &Late) -> DataFinding {
     let Late { delay_s, nats } = late;
     DataFinding {
         joint: None,
         severity: "warning".to_owned(),
         what: format!(
-            "one delay of all references, {:.1} ± {:.1} ms, explains the joints better than what is named does, by {nats:.0} nats, and takes \
-             the place of viscous friction: where no torque was measured nothing else tells them apart",
-            1e3 * delay_s.value,
-            1e3 * delay_s.std,
+            "one delay of all references, about {:.0} ms, explains the joints better than what is named does, by {nats:.0} nats, in the place \
+             of viscous friction: where no torque was measured nothing else tells them apart",
+            1e3 * delay_s,
         ),
         remedy: "measure how late a reference reaches its drive, and take that off the references' times; or record a torque".to_owned(),
     }

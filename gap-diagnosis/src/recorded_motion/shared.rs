@@ -11,7 +11,6 @@ use crate::diagnose::Progress;
 use crate::evidence::Message;
 use crate::evidence::arm::{self, Cause, ROUNDS, Shared};
 use crate::on_all_cores::OnAllCores;
-use crate::report::Parameter;
 
 /// All joints by themselves, their torques in some units.
 pub struct Arm {
@@ -34,7 +33,9 @@ pub struct Found {
 }
 
 /// A shared cause as one joint has it: its columns, and what the other joints say of their amplitudes.
-pub struct Prior {
+pub struct Prior<'a> {
+    /// Which.
+    pub causes: &'a [Cause],
     /// One for each amplitude.
     pub columns: Vec<Vec<f64>>,
     /// Of the other joints.
@@ -91,8 +92,8 @@ pub fn searched(
 
 /// A delay of all references that tells the joints better than what is told of them.
 pub struct Late {
-    /// With its standard error.
-    pub delay_s: Parameter,
+    /// To first order in what the reference does within it.
+    pub delay_s: f64,
     /// By which it is better.
     pub nats: f64,
 }
@@ -106,7 +107,7 @@ pub fn late(robot: &Robot, arms: &[Arm], told: &Found) -> Option<Late> {
     let mut shared = late.shared.into_iter();
     let delay = shared.find(|shared| shared.cause() == Cause::Delay)?;
     let told = delay.told(1.0, BTreeMap::new()).effect;
-    let delay_s = *told.parameters.get("delay_s")?;
+    let delay_s = told.parameters.get("delay_s")?.value;
     (nats > 0.0).then_some(Late { delay_s, nats })
 }
 
@@ -153,9 +154,10 @@ fn beside(robot: &Robot, arms: &[Arm], arm: usize, causes: &[Cause]) -> Option<F
         });
         each.flatten().collect::<Vec<Vec<f64>>>()
     };
-    let mut priors: Vec<Prior> = joints
+    let mut priors: Vec<Prior<'_>> = joints
         .iter()
         .map(|joint| Prior {
+            causes,
             columns: columns(joint, [0.0; 3]),
             message: gravity.prior(causes),
         })
@@ -172,7 +174,7 @@ fn beside(robot: &Robot, arms: &[Arm], arm: usize, causes: &[Cause]) -> Option<F
                 // names that were found without the cause may stand for it
                 if round == 0 {
                     let evidence = joint.evidence(Some(prior));
-                    let usual = evidence.usual();
+                    let usual = evidence.usual() & !joint.in_place_of(causes);
                     let can_be = joint.is_possible(&evidence.fit(usual));
                     return can_be.then(|| evidence.message(usual))?;
                 }
@@ -195,6 +197,7 @@ fn beside(robot: &Robot, arms: &[Arm], arm: usize, causes: &[Cause]) -> Option<F
             .iter()
             .zip(messages)
             .map(|(joint, message)| Prior {
+                causes,
                 columns: columns(joint, centre_m),
                 message,
             })

@@ -155,6 +155,31 @@ fn what_is_a_torque_sensor_s_is_left_out_and_said() {
 }
 
 #[test]
+fn an_inertia_that_the_link_does_not_have_is_left_out_and_said() {
+    let less = Effect::LinkInertia {
+        inertia_kg_m2: -0.5,
+    };
+    let friction = Effect::CoulombFriction { coulomb_nm: 1.0 };
+    let report = report(json!([found(&less), found(&friction)]), json!([]));
+    let source = Source::File("bench.toml".into());
+    let robot = super::RobotText {
+        text: ROBOT,
+        source: &source,
+        name: "bench.toml",
+    };
+    let mended = super::mended(&robot, report, "report.json", false).unwrap();
+    assert_eq!(mended.changes.len(), 1);
+    assert_eq!(mended.changes[0].effect, "coulomb_friction");
+    let [left_out] = &mended.left_out[..] else {
+        panic!("{:?}", mended.left_out);
+    };
+    assert!(
+        left_out.starts_with("shoulder: -5.000e-1 kg m²"),
+        "{left_out}"
+    );
+}
+
+#[test]
 fn rotor_inertia_is_the_file_s_own_value() {
     let change = found(&Effect::RotorInertia {
         inertia_kg_m2: 1e-6,
