@@ -260,7 +260,7 @@ fn a_reversed_torque_is_seen_beside_masses_that_are_far_off() {
     let links = light.chain.links().iter().map(|link| Link {
         mass_kg: 0.02,
         inertia_kg_m2: 0.01 * link.inertia_kg_m2,
-        ..link.clone()
+        ..*link
     });
     let links: Vec<Link> = links.collect();
     let gravity_m_s2 = light.chain.gravity_m_s2();
