@@ -106,8 +106,8 @@ impl Cause {
         }
     }
 
-    /// Whether an arm can have it: nothing comes before it was sent, no more can be missing at its end than the last link weighs, as far as its error tells, and what hangs
-    /// there is no further away than the arm is long.
+    /// Whether an arm can have it: nothing comes before it was sent, no more can be missing at its end than the last link weighs, as far
+    /// as its error tells, and what hangs there is no further away than the arm is long.
     fn can_be(self, robot: &Robot, said: &DVector<f64>, covariance: &DMatrix<f64>) -> bool {
         let error = ERRORS * covariance[(0, 0)].max(0.0).sqrt();
         let links = robot.chain.links();
