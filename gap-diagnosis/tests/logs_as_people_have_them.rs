@@ -431,6 +431,32 @@ fn a_joint_may_stand_in_one_of_the_recordings() {
 }
 
 #[test]
+fn a_joint_that_others_push_within_its_bend_says_nothing_of_its_friction() {
+    let log = plain();
+    // held by friction that does not slip, as the other joints move: anything up to the breakaway
+    let pushed = |rate: f64, size: f64| {
+        let time_s = log.time_s.iter();
+        time_s
+            .map(|t| size * (rate * t).sin())
+            .collect::<Vec<f64>>()
+    };
+    let swayed_rad = pushed(2.0, 2e-3).iter().map(|rad| 0.3 + rad).collect();
+    let pushed = vec![
+        (Signal::LinkPositionRad, swayed_rad),
+        (Signal::MotorTorqueNm, pushed(3.1, 0.025)),
+    ];
+    let recordings = [
+        ("pushed".to_owned(), recording(log.time_s.clone(), pushed)),
+        (
+            "moving".to_owned(),
+            recording(log.time_s.clone(), as_recorded(log)),
+        ),
+    ];
+    let told = diagnose(&robot(""), &recordings, &Options::default(), &|_| ());
+    is_told(&told.unwrap().report);
+}
+
+#[test]
 fn positions_alone_are_enough_where_the_controller_is_known() {
     let log = plain();
     let signals = vec![

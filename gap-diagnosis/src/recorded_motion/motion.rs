@@ -351,6 +351,15 @@ fn late(robot: &Robot, joint: usize, reference_rad: &[f64], rate_hz: f64) -> Opt
 }
 
 impl JointMotion {
+    /// How far it goes.
+    pub fn range_rad(&self) -> f64 {
+        let ends = (f64::INFINITY, f64::NEG_INFINITY);
+        let (least, most) = self.position_rad.iter().fold(ends, |(least, most), rad| {
+            (f64::min(least, *rad), f64::max(most, *rad))
+        });
+        most - least
+    }
+
     /// The torque; of a controller that `feeds_rate` or does not, where nothing tells that.
     pub fn torque_nm(&self, feeds_rate: bool) -> Option<Cow<'_, [f64]>> {
         let torque_nm = self.torque_nm.as_ref()?;

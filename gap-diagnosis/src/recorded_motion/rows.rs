@@ -96,6 +96,12 @@ impl JointRows {
         let counted = |piece: &Piece| {
             let of_joint = &piece.joints[joint];
             let rows = piece.counted();
+            // who goes no further than friction may bend may never slip
+            let rows = if of_joint.range_rad() > presliding::longest_rad() {
+                rows
+            } else {
+                0..0
+            };
             // a joint at rest holds any torque up to its breakaway: what it holds then tells nothing
             let tell = rows.filter(|row| of_joint.is_whole[*row] && of_joint.is_moving[*row]);
             tell.collect::<Vec<usize>>()
@@ -121,14 +127,6 @@ impl JointRows {
         let speed_rad_s = usual(of_rows(|joint| &joint.velocity_rad_s));
         let position_rad = of_rows(|joint| &joint.position_rad);
         let mean_rad = position_rad.iter().sum::<f64>() / total as f64;
-        let ends = (f64::INFINITY, f64::NEG_INFINITY);
-        let ends = position_rad.iter().fold(ends, |(least, most), rad| {
-            (f64::min(least, *rad), f64::max(most, *rad))
-        });
-        // who goes no further than friction may bend may never slip
-        if ends.1 - ends.0 < presliding::longest_rad() {
-            return Ok(None);
-        }
         let drive = Drive::of(robot, joint, source);
         let is_open = pieces
             .iter()
