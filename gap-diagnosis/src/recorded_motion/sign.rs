@@ -1,5 +1,7 @@
 //! Which way a recorded torque goes: as what is accelerated, what is carried and friction need it, or against them.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::laws::Law;
@@ -31,22 +33,21 @@ impl JointRows {
             return Sign::Untold;
         };
         let ones = vec![1.0; slip.len()];
-        let velocity = &self.seen.velocity_rad_s;
         let mean_nm = self.rigid_nm.iter().sum::<f64>() / slip.len().max(1) as f64;
         let rigid: Vec<f64> = self.rigid_nm.iter().map(|x| x - mean_nm).collect();
-        let by_masses = self.told_by(&rigid, slip, &[velocity, &ones]);
+        let by_masses = self.told_by(&rigid, slip, &[&ones]);
         if by_masses != Sign::Untold {
             return by_masses;
         }
         let gravity = self.columns(Law::Gravity).iter();
-        let beside: Vec<&Vec<f64>> = [velocity, &ones].into_iter().chain(gravity).collect();
+        let beside: Vec<&Vec<f64>> = std::iter::once(&ones).chain(gravity).collect();
         self.told_by(acceleration, slip, &beside)
     }
 
     /// By the signs of what moves masses and of friction, beside other columns (least squares), against what they leave of parts of the
     /// motion that they were not fitted to.
     fn told_by(&self, masses: &[f64], slip: &[f64], beside: &[&Vec<f64>]) -> Sign {
-        let of = [masses, slip].into_iter();
+        let of = [masses, slip, &self.seen.velocity_rad_s].into_iter();
         let of: Vec<&[f64]> = of.chain(beside.iter().map(|column| &column[..])).collect();
         let rows = slip.len();
         let products = |part: usize| {
@@ -58,9 +59,11 @@ impl JointRows {
         let parts: Vec<_> = (0..PARTS).map(products).collect();
         let gram: DMatrix<f64> = parts.iter().map(|(gram, ..)| gram).sum();
         let vector: DVector<f64> = parts.iter().map(|(_, vector, _)| vector).sum();
-        let Some(values) = gram.clone().cholesky().map(|of| of.solve(&vector)) else {
+        let Some(solved) = gram.clone().cholesky() else {
             return Sign::Untold;
         };
+        let values = solved.solve(&vector);
+        let beyond = solved.inverse();
         let left = parts.iter().map(|(own, own_vector, square)| {
             let others = (&gram - own).cholesky()?.solve(&(&vector - own_vector));
             Some(square - 2.0 * others.dot(own_vector) + others.dot(&(own * &others)))
@@ -68,8 +71,23 @@ impl JointRows {
         let Some(left) = left.sum::<Option<f64>>() else {
             return Sign::Untold;
         };
-        let part = |k: usize| values[k].signum() * values[k].powi(2) * gram[(k, k)];
-        let (masses, friction) = (part(0), part(1));
+        // what columns take beyond all others: on a motion one way an offset looks like friction
+        let part = |columns: Range<usize>| {
+            let (from, count) = (columns.start, columns.len());
+            let own = beyond.view((from, from), (count, count)).into_owned();
+            let values = values.rows(from, count);
+            let with = own.cholesky()?.solve(&values);
+            Some(values.dot(&with))
+        };
+        let (Some(masses), Some(friction)) = (part(0..1), part(1..3)) else {
+            return Sign::Untold;
+        };
+        // what brakes at one speed and drives at another is no friction
+        let [slow, fast] = [values[1], values[1] + values[2] * self.speed_rad_s];
+        if slow * fast <= 0.0 {
+            return Sign::Untold;
+        }
+        let (masses, friction) = (masses.copysign(values[0]), friction.copysign(slow));
         let is_clear = (masses + friction).abs() > CLEAR * left;
         if is_clear && masses <= 0.0 && friction <= 0.0 {
             Sign::Reversed
