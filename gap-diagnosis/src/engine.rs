@@ -2,13 +2,14 @@
 
 use joint_model::rigid_body::JointKind;
 use recording::{Recording, Signal};
-use robot::{Robot, RobotJoint};
+use robot::{EffectKind, Robot, RobotJoint};
 
 use crate::closed_loop;
 use crate::diagnose::{DiagnoseError, Diagnosis, Progress};
 use crate::evidence;
 use crate::recorded_motion;
 use crate::report::DataFinding;
+use crate::seen_steps;
 use crate::twin::control;
 
 /// What the recording is held against.
@@ -40,12 +41,14 @@ impl Default for Options {
 
 impl Engine {
     /// The one that a robot file and recordings call for: a simulation needs what the encoders show, the controller or the joints' own
-    /// friction, and a torque to hold against it. Without them it would be made up.
+    /// friction, and a torque to hold against it. Without them it would be made up. Where the file states how stiff a gear is, its encoders
+    /// are what the recording shows.
     pub fn for_robot(robot: &Robot, recordings: &[(String, Recording)]) -> Self {
         let tells_encoder = |joint: &RobotJoint| {
             joint.motor_encoder_resolution_rad.is_some()
                 || joint.link_encoder_resolution_rad.is_some()
                 || joint.position_noise_rad > 0.0
+                || states(joint, EffectKind::TorsionalCompliance)
         };
         let has_torque = |joint: &RobotJoint| {
             recordings.iter().all(|(_, recording)| {
@@ -59,8 +62,7 @@ impl Engine {
         };
         // a joint that rubs does so at rest and in motion; a file that states one of both guesses
         let rubs = |joint: &RobotJoint| {
-            let states = |name: &str| joint.effects.iter().any(|effect| effect.name() == name);
-            states("coulomb_friction") && states("viscous_friction")
+            states(joint, EffectKind::CoulombFriction) && states(joint, EffectKind::ViscousFriction)
         };
         let is_told = (control::is_known(robot) || robot.joints.iter().all(rubs))
             && robot.check_fits_loop().is_ok()
@@ -74,6 +76,10 @@ impl Engine {
     }
 }
 
+fn states(joint: &RobotJoint, kind: EffectKind) -> bool {
+    joint.effects.iter().any(|effect| effect.kind() == kind)
+}
+
 /// Diagnoses a robot from recordings with their names.
 ///
 /// # Errors
@@ -85,15 +91,18 @@ pub fn diagnose(
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Diagnosis, DiagnoseError> {
     let engine = options.engine;
-    let diagnosed = match engine.unwrap_or_else(|| Engine::for_robot(robot, recordings)) {
+    let mut diagnosis = match engine.unwrap_or_else(|| Engine::for_robot(robot, recordings)) {
         Engine::Motion => {
-            recorded_motion::diagnose(robot, recordings, options.materiality, progress)
+            recorded_motion::diagnose(robot, recordings, options.materiality, progress)?
         }
         Engine::ClosedLoop => {
-            closed_loop::diagnose(robot, recordings, options.materiality, progress)
+            let (robot, note) = seen_steps::added(robot, recordings);
+            let mut diagnosis =
+                closed_loop::diagnose(&robot, recordings, options.materiality, progress)?;
+            diagnosis.report.data.extend(note);
+            diagnosis
         }
     };
-    let mut diagnosis = diagnosed?;
     let of_file = robot.notes.iter().map(|what| DataFinding {
         joint: None,
         severity: "note".to_owned(),

@@ -13,6 +13,7 @@ mod made_up;
 mod on_all_cores;
 pub mod recorded_motion;
 pub mod report;
+mod seen_steps;
 pub mod separate;
 pub mod signal;
 pub mod stop;

@@ -99,7 +99,7 @@ fn fraction(lost: usize, of: usize) -> Option<(f64, f64)> {
     (part > LOST_MIN && part > SURE * std).then_some((part, std))
 }
 
-/// Rows in which nothing of the joint changed although it moved.
+/// Rows in which nothing of the joint changed although it moved: none of its encoders where there are two, nor the torque beside one alone.
 fn lost_samples(columns: &[JointColumns], joint: &RobotJoint) -> Option<Found> {
     let resolution_rad = joint.motor_encoder_resolution_rad.unwrap_or(0.0);
     let noise_rad = joint.position_noise_rad;
@@ -109,16 +109,15 @@ fn lost_samples(columns: &[JointColumns], joint: &RobotJoint) -> Option<Found> {
         let Some(position_rad) = columns.signals.get(&Signal::MotorPositionRad) else {
             continue;
         };
-        let beside = [
-            Signal::LinkPositionRad,
-            Signal::MotorTorqueNm,
-            Signal::JointTorqueNm,
-        ];
-        let beside: Vec<&Vec<f64>> = beside
+        let link_rad = columns.measured(Signal::LinkPositionRad);
+        let torques = [Signal::MotorTorqueNm, Signal::JointTorqueNm];
+        let torques = torques
             .iter()
-            .filter_map(|signal| columns.signals.get(signal))
-            .filter(|values| values.iter().any(|value| value.is_finite()))
-            .collect();
+            .filter_map(|signal| columns.measured(*signal));
+        let beside: Vec<&[f64]> = match link_rad {
+            Some(link_rad) => vec![link_rad],
+            None => torques.collect(),
+        };
         for k in 2..position_rad.len().saturating_sub(2) {
             // what a row should have moved, from the rows around it
             let moves_rad = 0.25 * (position_rad[k + 2] - position_rad[k - 2]);
@@ -127,7 +126,7 @@ fn lost_samples(columns: &[JointColumns], joint: &RobotJoint) -> Option<Found> {
                 continue;
             }
             of += 1;
-            let stays = |values: &Vec<f64>| values[k] == values[k - 1];
+            let stays = |values: &[f64]| values[k] == values[k - 1];
             let all_stay = stays(position_rad) && beside.iter().all(|values| stays(values));
             lost += usize::from(all_stay);
         }
@@ -205,7 +204,7 @@ fn coarse_encoder(
     noise_rad: f64,
 ) -> Option<Found> {
     let step_rad = step_of(columns, signal)?;
-    let expected_rad = file_rad.unwrap_or(0.0);
+    let expected_rad = file_rad?;
     // a step below the noise is no coarser encoder than the noise makes it anyway
     let is_coarse = step_rad > COARSER * expected_rad && step_rad > COARSER * noise_rad;
     is_coarse.then(|| Found {
@@ -438,5 +437,43 @@ mod tests {
         let responses = Response::all(&runs, 1e-3);
         assert_eq!(slow_drive(&responses, Some(0)), []);
         assert_eq!(left_out(&runs, &responses, 1), None);
+    }
+
+    #[test]
+    fn a_step_that_no_file_states_is_no_effect() {
+        let coarse = (0..20_000).map(|k| (wave(k) / 0.01).round() * 0.01);
+        let joint = columns(vec![(Signal::LinkPositionRad, coarse.collect())]);
+        let (signal, side) = (Signal::LinkPositionRad, EncoderSide::Link);
+        assert_eq!(coarse_encoder(&[joint], signal, side, None, 0.0), None);
+    }
+
+    #[test]
+    fn both_encoders_repeat_where_samples_are_dropped_whatever_the_torque_does() {
+        let mut file = robot::load("shd17").unwrap().joints.remove(0);
+        file.motor_encoder_resolution_rad = Some(1e-4);
+        let found = |dropped: usize| {
+            let mut motor_rad: Vec<f64> = (0..20_000).map(wave).collect();
+            for k in 1..motor_rad.len() {
+                if k * k % 101 % 10 < dropped {
+                    motor_rad[k] = motor_rad[k - 1];
+                }
+            }
+            let link_rad = motor_rad.iter().map(|rad| rad / 100.0).collect();
+            let joint = columns(vec![
+                (Signal::MotorPositionRad, motor_rad),
+                (Signal::LinkPositionRad, link_rad),
+                (Signal::MotorTorqueNm, command()),
+            ]);
+            lost_samples(&[joint], &file)
+        };
+        assert_eq!(found(0), None);
+        let Some(Found {
+            effect: Effect::DroppedSamples { fraction },
+            ..
+        }) = found(1)
+        else {
+            panic!("none");
+        };
+        assert!((0.05..0.2).contains(&fraction), "{fraction}");
     }
 }
