@@ -67,14 +67,15 @@ mod tests {
         let mut robot = robot::load("pa10").unwrap();
         let mut recording = swinging(&robot, None);
         let name = robot.joints[0].name.clone();
+        let joint_ratio = robot.joints[0].gear_ratio;
         let motor_rad = recording.joints[0].signals[&Signal::MotorPositionRad].clone();
-        for (signal, step_rad) in [
-            (Signal::MotorPositionRad, 1e-3),
-            (Signal::LinkPositionRad, 2e-5),
+        for (signal, side, step_rad) in [
+            (Signal::MotorPositionRad, 1.0, 1e-3),
+            (Signal::LinkPositionRad, joint_ratio, 2e-5),
         ] {
             let shown = motor_rad
                 .iter()
-                .map(|rad| (rad / step_rad).round() * step_rad);
+                .map(|rad| (rad / side / step_rad).round() * step_rad);
             let shown = shown.collect();
             recording.joints[0].signals.insert(signal, shown);
         }

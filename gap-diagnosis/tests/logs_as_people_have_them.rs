@@ -457,6 +457,46 @@ fn a_joint_that_others_push_within_its_bend_says_nothing_of_its_friction() {
 }
 
 #[test]
+fn a_torque_that_keeps_one_value_is_no_measurement_and_a_joint_without_a_drive_tells_its_friction()
+{
+    // swings freely from 2 rad on, with friction of 0.2 Nm and 0.1 Nm s/rad
+    const FINE: usize = 20;
+    let inertia_kg_m2 = 0.025 + 2.0 * 0.25 * 0.25 + 1e-5 * RATIO * RATIO;
+    let (mut q, mut v) = (2.0_f64, 0.0_f64);
+    let rows = (10.0 * RATE_HZ) as usize;
+    let mut swung_rad = Vec::new();
+    for _ in 0..rows {
+        swung_rad.push(q);
+        for _ in 0..FINE {
+            let friction_nm = 0.2 * (v / 1e-3).tanh() + 0.1 * v;
+            v -= (2.0 * 9.81 * 0.25 * q.sin() + friction_nm)
+                / inertia_kg_m2
+                / (RATE_HZ * FINE as f64);
+            q += v / (RATE_HZ * FINE as f64);
+        }
+    }
+    let time_s: Vec<f64> = (0..rows).map(|k| k as f64 / RATE_HZ).collect();
+    let with = |torque: Signal| {
+        let signals = vec![
+            (Signal::LinkPositionRad, swung_rad.clone()),
+            (torque, vec![0.0; rows]),
+        ];
+        told(&robot(""), recording(time_s.clone(), signals))
+    };
+    let measured = with(Signal::MotorTorqueNm);
+    assert_eq!(measured.joints[0].verdict, Verdict::InsufficientData);
+    let commanded = with(Signal::CommandTorqueNm);
+    let joint = &commanded.joints[0];
+    let coulomb_nm = value(joint, "coulomb_friction", "coulomb_nm");
+    let viscous_nm_s_rad = value(joint, "viscous_friction", "viscous_nm_s_rad");
+    assert!((coulomb_nm - 0.2).abs() < 0.03, "{coulomb_nm}");
+    assert!((viscous_nm_s_rad - 0.1).abs() < 0.03, "{viscous_nm_s_rad}");
+    let of_masses = ["rotor_inertia", "gravity_torque", "torque_constant_error"];
+    let mut named = joint.effects.iter();
+    assert!(named.all(|found| !of_masses.contains(&&*found.effect)));
+}
+
+#[test]
 fn positions_alone_are_enough_where_the_controller_is_known() {
     let log = plain();
     let signals = vec![

@@ -311,7 +311,7 @@ pub enum ReadProblem {
         column: String,
     },
     /// A row of another length than the header.
-    #[error("line {line}: {fields} fields where the header names {columns}")]
+    #[error("line {line}: {fields} fields where the header names {columns}{}", too_many(*fields, *columns))]
     RowLength {
         /// Counted from 1.
         line: u64,
@@ -594,4 +594,13 @@ pub(crate) fn list(names: &[String]) -> String {
         shown.push(format!("{} more", names.len() - SHOWN));
     }
     shown.join(", ")
+}
+
+/// What to do about fields without a name.
+fn too_many(fields: u64, columns: u64) -> &'static str {
+    if fields > columns {
+        "; name every field there, or take the header away and map columns by their numbers"
+    } else {
+        ""
+    }
 }

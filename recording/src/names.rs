@@ -53,6 +53,7 @@ const VELOCITY: &[&str] = &[
     "qvel",
     "omega",
     "qp",
+    "dot",
 ];
 const TORQUE: &[&str] = &[
     "torque", "torques", "tau", "effort", "efforts", "moment", "trq", "tq", "tor",
@@ -62,6 +63,8 @@ const TEMPERATURE: &[&str] = &["temperature", "temp", "temperatures"];
 const REFERENCE: &[&str] = &[
     "reference",
     "ref",
+    "req",
+    "requested",
     "desired",
     "des",
     "target",
@@ -82,7 +85,20 @@ const LINK: &[&str] = &["link", "joint", "load", "output"];
 const MEASURED: &[&str] = &["measured", "meas", "actual", "act"];
 /// Said of what is computed from values of that kind, or bounds them.
 const OF_OTHERS: &[&str] = &[
-    "error", "err", "std", "var", "min", "max", "limit", "offset", "ext", "external",
+    "error",
+    "err",
+    "std",
+    "var",
+    "min",
+    "max",
+    "limit",
+    "offset",
+    "ext",
+    "external",
+    "ddot",
+    "acc",
+    "accel",
+    "acceleration",
 ];
 /// Said of values without saying anything.
 const FILLERS: &[&str] = &[

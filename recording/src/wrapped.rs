@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
 use crate::grid::runs;
+use crate::statistics;
 use crate::{Finding, FindingKind, JointColumns, Recording, Signal};
 
 /// Whose values may begin anew.
@@ -26,7 +27,8 @@ fn ways(values: &[f64], run: Range<usize>) -> impl Iterator<Item = (usize, f64)>
 }
 
 /// Rows on which a signal begins anew, with the turns that it goes back there. A leap of more than half a turn is one if, less its whole
-/// turns, it is no longer than the longest way from row to row anywhere else.
+/// turns, it is no longer than the longest way from row to row anywhere else; and if it goes from end to end, for what counts within so
+/// many turns is never beyond them.
 fn rows(values: &[f64], runs: &[Range<usize>]) -> Vec<(usize, f64)> {
     let all = || runs.iter().flat_map(|run| ways(values, run.clone()));
     let longest = all()
@@ -36,7 +38,10 @@ fn rows(values: &[f64], runs: &[Range<usize>]) -> Vec<(usize, f64)> {
         .filter(|(_, way)| way.abs() > PI)
         .map(|(row, way)| (row, way, (way / TAU).round()))
         .collect();
-    let is_turn = |(_, way, turns): &(usize, f64, f64)| (way - turns * TAU).abs() <= longest;
+    let counted_rad = statistics::span(values);
+    let is_turn = |(_, way, turns): &(usize, f64, f64)| {
+        (way - turns * TAU).abs() <= longest && counted_rad <= turns.abs() * TAU + longest
+    };
     if found.iter().all(is_turn) {
         found.iter().map(|(row, _, turns)| (*row, *turns)).collect()
     } else {
@@ -149,6 +154,13 @@ mod tests {
             );
             assert!(check(&whole).is_empty());
         }
+    }
+
+    #[test]
+    fn a_motor_that_turns_far_from_row_to_row_does_not_begin_anew() {
+        // up to two turns a row
+        let fast = (0..600).map(|row| 114.0 * (0.1 * f64::from(row)).sin());
+        assert!(check(&recording(fast.collect(), None)).is_empty());
     }
 
     #[test]

@@ -307,7 +307,8 @@ impl Joint {
         let square = torque_nm.iter().map(|x| x * x).sum::<f64>();
         let torque_nm = (square / torque_nm.len().max(1) as f64).sqrt();
         let left_nm = told.gap.torque_rms_nm.after;
-        (left_nm > torque_nm).then(|| DataFinding {
+        // nobody drives a joint without a torque
+        (left_nm > torque_nm && torque_nm > 0.0).then(|| DataFinding {
             joint: Some(told.joint.clone()),
             severity: "warning".to_owned(),
             what: format!(

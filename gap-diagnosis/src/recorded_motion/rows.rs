@@ -1,6 +1,7 @@
 //! One joint's compared rows: the torque that the robot file does not need, and all columns that may explain it, in one band.
 
 use joint_model::filter::FilterError;
+use joint_model::rigid_body::JointKind;
 use nalgebra::{SMatrix, SVector};
 use robot::Robot;
 
@@ -93,15 +94,13 @@ impl JointRows {
         pieces: &[Piece],
         torques: &[Torques],
     ) -> Result<Option<Self>, FilterError> {
+        let slides = robot.chain.links()[joint].kind == JointKind::Prismatic;
         let counted = |piece: &Piece| {
             let of_joint = &piece.joints[joint];
             let rows = piece.counted();
-            // who goes no further than friction may bend may never slip
-            let rows = if of_joint.range_rad() > presliding::longest_rad() {
-                rows
-            } else {
-                0..0
-            };
+            // who turns no further than friction may bend may never slip
+            let may_slip = slides || of_joint.range_rad() > presliding::longest_rad();
+            let rows = if may_slip { rows } else { 0..0 };
             // a joint at rest holds any torque up to its breakaway: what it holds then tells nothing
             let tell = rows.filter(|row| of_joint.is_whole[*row] && of_joint.is_moving[*row]);
             tell.collect::<Vec<usize>>()
@@ -170,14 +169,35 @@ impl JointRows {
             rows.add(&drive, piece, torques, joint, &kept)?;
         }
         rows.tolerated = that_count(std::mem::take(&mut rows.tolerated));
-        // a torque of which the file needs next to nothing tells nothing of its scale
+        // a torque of which the file needs next to nothing tells nothing of its scale; nor does friction that nobody measured
         let square = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>();
-        if square(&rows.seen.nominal_nm) < MATERIALITY * square(&rows.seen.measured_nm) {
+        let needed = rows.columns(Law::TorqueConstant).first();
+        let needed = needed.map_or(0.0, |needed_nm| square(needed_nm));
+        if needed < MATERIALITY * square(&rows.seen.measured_nm) {
             rows.laws
                 .retain(|(law, _)| !matches!(law, Law::LoadDependent | Law::TorqueConstant));
         }
         rows.drop_link_inertia_of_the_first();
+        if square(&rows.seen.measured_nm) == 0.0 {
+            rows.drop_masses();
+        }
         Ok(Some(rows))
+    }
+
+    /// A joint that nothing drives tells its friction over its masses, and nothing of those: all masses that are none would leave no
+    /// torque either.
+    fn drop_masses(&mut self) {
+        self.laws.retain(|(law, _)| {
+            !matches!(
+                law,
+                Law::Inertia
+                    | Law::LinkInertia
+                    | Law::Gravity
+                    | Law::TorqueConstant
+                    | Law::LoadDependent
+            )
+        });
+        self.payload.clear();
     }
 
     /// Where nothing else turns it a link moves as its joint does, and its inertia is the joint's.
@@ -506,10 +526,12 @@ fn gravity_part(robot: &Robot, joint: usize, pieces: &[Piece]) -> f64 {
     /// Poses that are looked at in a piece.
     const POSES: usize = 50;
     let gravity = robot.chain.gravity_m_s2();
-    if gravity.norm() == 0.0 {
+    let link = &robot.chain.links()[joint];
+    // what slides weighs the same wherever it is
+    if gravity.norm() == 0.0 || link.kind == JointKind::Prismatic {
         return 0.0;
     }
-    let axis = robot.chain.links()[joint].axis;
+    let axis = link.axis;
     let poses = pieces.iter().flat_map(|piece| {
         let every = (piece.rows() / POSES).max(1);
         (0..piece.rows()).step_by(every).map(move |row| {

@@ -10,6 +10,13 @@ use crate::checks::data;
 use crate::report::DataFinding;
 use crate::report::TorqueSource;
 
+/// What may tell a torque.
+const TORQUES: [Signal; 3] = [
+    Signal::MotorTorqueNm,
+    Signal::CommandTorqueNm,
+    Signal::JointTorqueNm,
+];
+
 /// What is read of each joint, or why not.
 pub struct Usable {
     /// In the robot file's order.
@@ -130,7 +137,9 @@ impl Usable {
                     Some(signal) if finding.is_of_position() => {
                         position.is_none() || position == Some(signal)
                     }
-                    Some(_) => torque.is_none() && !is_of_sign(finding),
+                    Some(signal) => {
+                        torque.is_none() && TORQUES.contains(&signal) && !is_of_sign(finding)
+                    }
                     None => !is_bridged(finding),
                 },
                 _ => finding.kind == FindingKind::NoMotion && finding.joint.is_some(),
@@ -172,15 +181,8 @@ impl Usable {
 
 /// Whether it doubts a torque's sign: the masses of the robot file tell that better.
 fn is_of_sign(finding: &Finding) -> bool {
-    let torques = [
-        Signal::MotorTorqueNm,
-        Signal::CommandTorqueNm,
-        Signal::JointTorqueNm,
-    ];
-    finding.kind == FindingKind::ReversedSign
-        && finding
-            .signal
-            .is_some_and(|signal| torques.contains(&signal))
+    let is_torque = |signal| TORQUES.contains(&signal);
+    finding.kind == FindingKind::ReversedSign && finding.signal.is_some_and(is_torque)
 }
 
 /// Rows that are missing are bridged, or end a piece where many are.

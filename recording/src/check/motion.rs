@@ -174,8 +174,19 @@ fn stuck(
     } else {
         return None;
     };
-    let finding = Finding::warning(FindingKind::StuckSignal, what);
-    let remedy = "leave the values empty where the sensor gave none, or leave the column out";
+    // a torque of one value is no measurement of a joint that moves
+    let is_torque = matches!(signal, Signal::MotorTorqueNm | Signal::JointTorqueNm);
+    let (finding, remedy) = if is_torque {
+        (
+            Finding::error(FindingKind::StuckSignal, what),
+            "leave the column out; if the joint has no drive, or none that was switched on, map its zeros to command_torque_nm",
+        )
+    } else {
+        (
+            Finding::warning(FindingKind::StuckSignal, what),
+            "leave the values empty where the sensor gave none, or leave the column out",
+        )
+    };
     Some(finding.at(joint).of(signal).remedy(remedy))
 }
 

@@ -87,6 +87,12 @@ impl Scales {
                 && scatter(joint, wrong.against, wrong.signal)
                     > STRAIGHT * (wrong.measured - 1.0).abs()
         };
+        // who does not follow at all, as behind a brake, tells no factor
+        let stands = |wrong: &Wrong| {
+            wrong.meaning.kind == FindingKind::WrongScale
+                && wrong.against == Signal::ReferencePositionRad
+                && wrong.measured.abs() < BARELY_FOLLOWS.start
+        };
         // one way, a weak controller lets gravity carry the joint on in proportion, and both encoders show the same of it
         let is_carried = |wrong: &Wrong| {
             wrong.meaning.kind == FindingKind::WrongScale
@@ -95,7 +101,9 @@ impl Scales {
         };
         let positions = positions
             .into_iter()
-            .filter(|wrong| !is_in_its_unit(wrong) && !lags(wrong) && !is_carried(wrong))
+            .filter(|wrong| {
+                !is_in_its_unit(wrong) && !lags(wrong) && !stands(wrong) && !is_carried(wrong)
+            })
             .collect();
         let mut scales = Self {
             gear_ratio,

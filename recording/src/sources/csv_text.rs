@@ -152,7 +152,8 @@ impl<R: BufRead> Read for Uncommented<R> {
 }
 
 /// The delimiter that the first line has most of. Commas of numbers are not in a line that names the columns, and in one of
-/// numbers they go after the others. Spaces part the fields where the next line has as many.
+/// numbers they go after the others, but for commas that a space follows, which no number has. Spaces part the fields where the next
+/// line has as many.
 fn delimiter(first: &[u8], second: &[u8]) -> u8 {
     let count = |delimiter: &u8| first.iter().filter(|byte| *byte == delimiter).count();
     let of_numbers = first
@@ -160,6 +161,13 @@ fn delimiter(first: &[u8], second: &[u8]) -> u8 {
         .all(|byte| !byte.is_ascii_alphabetic() || matches!(byte, b'e' | b'E'));
     if of_numbers && let Some(delimiter) = [b'\t', b';'].into_iter().find(|one| count(one) > 0) {
         return delimiter;
+    }
+    let parted = fields(first, SPACE);
+    if let Some((_, before)) = parted.split_last()
+        && !before.is_empty()
+        && before.iter().all(|word| word.ends_with(','))
+    {
+        return b',';
     }
     let words = |line: &[u8]| fields(line, SPACE).len();
     let others = if of_numbers { &b";\t"[..] } else { &DELIMITERS };
@@ -263,6 +271,8 @@ mod tests {
         assert_eq!(start.delimiter, b' ');
         assert_eq!(start.commented_header.as_deref(), Some(&b"t q"[..]));
         assert_eq!(opened(b"time stamp\n1\n2\n").1.delimiter, b',');
+        assert_eq!(opened(b"2.5, 0.1, 0.4\n2.6, 0.1, 0.3\n").1.delimiter, b',');
+        assert_eq!(opened(b"2,5 0,1 0,4\n2,6 0,1 0,3\n").1.delimiter, b' ');
         assert_eq!(opened(b"% t;q\n0,0;1,5\n").1.delimiter, b';');
     }
 
