@@ -289,7 +289,7 @@ fn what_a_log_holds_is_guessed_where_that_is_certain_and_asked_for_where_it_is_n
     for row in 0..1500_u32 {
         let time_s = f64::from(row) * 0.002;
         let angle = 30.0 * (6.0 * time_s + (17.0 * time_s).sin()).sin();
-        log += &format!("{};{angle};0.1\n", 2 * row);
+        log += &format!("{};{angle};{}\n", 2 * row, 0.1 * time_s);
         doubtful += &format!("{time_s} {} 3.5\n", angle.to_radians());
     }
     fs::write(bench.file("log.csv"), log).expect("written");

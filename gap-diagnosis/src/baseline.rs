@@ -13,6 +13,7 @@ use crate::closed_loop::search::{Search, Term};
 use crate::closed_loop::values;
 use crate::closed_loop::{self, About};
 use crate::diagnose::{DiagnoseError, blank_report, insufficient};
+use crate::evidence::told::MATERIALITY;
 use crate::on_all_cores::OnAllCores;
 use crate::report::{
     BeforeAfter, Candidate, Gap, JointReport, NamedEffect, Remaining, Report, Verdict, Where,
@@ -29,9 +30,6 @@ pub enum Baseline {
     /// The effect with the smallest Bayesian information criterion, known values refitted, samples independent.
     Bic,
 }
-
-/// Less than this part of the residual is nothing, to the largest R².
-const R2_MIN: f64 = 0.05;
 
 /// One choice and what it leaves.
 struct Choice {
@@ -103,7 +101,7 @@ fn choices(about: &About, method: Baseline) -> Vec<Choice> {
         effect: "none",
         term: None,
         score: match method {
-            Baseline::LargestR2 => R2_MIN,
+            Baseline::LargestR2 => MATERIALITY,
             Baseline::Bic => bic(without, beside.len()),
         },
     });

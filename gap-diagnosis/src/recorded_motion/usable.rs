@@ -144,7 +144,10 @@ impl Usable {
                 },
                 _ => finding.kind == FindingKind::NoMotion && finding.joint.is_some(),
             };
-            let decided = of_joint.iter().find(decides).map(|f| f.told());
+            let decided = of_joint.iter().find(decides).map(|finding| {
+                let signal = finding.signal.map(|of| format!("{of}: "));
+                format!("{}{}", signal.unwrap_or_default(), finding.told())
+            });
             decided.or_else(|| {
                 torque.is_none().then(|| {
                     "nothing tells its torque: no motor_torque_nm, joint_torque_nm or command_torque_nm, and the robot file's \
