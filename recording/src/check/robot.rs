@@ -59,7 +59,7 @@ pub(super) fn check_names(robot: &CheckRobot, recording: &Recording) -> Vec<Find
                 robot.name
             );
             let finding = Finding::warning(FindingKind::MissingJoint, what);
-            let finding = finding.remedy(format!("map its columns under [joint.{name}]"));
+            let finding = finding.remedy("if it was recorded, map its columns under [joint.NAME]");
             findings.push(Finding {
                 joint: Some(name),
                 ..finding

@@ -3,6 +3,7 @@
 use super::{Finding, FindingKind};
 use crate::Recording;
 use crate::info::{Timing, timing};
+use crate::statistics::span;
 
 /// Below this nothing can be said about a recording.
 pub(super) const ROWS_MIN: usize = 64;
@@ -81,11 +82,17 @@ fn regularity(recording: &Recording, timing: &Timing) -> Vec<Finding> {
             timing.repeated_times
         );
         let finding = Finding::warning(FindingKind::RepeatedTimes, what);
-        findings.push(
-            finding
-                .decided_by(timing.repeated_times as f64)
-                .remedy("write times with more digits, or remove rows that were written twice"),
-        );
+        let finding = finding.decided_by(timing.repeated_times as f64);
+        let rows = recording.rows();
+        findings.push(if 2 * timing.repeated_times > rows {
+            // more than were written once
+            let rate_hz = rows as f64 / span(&recording.time_s);
+            finding.remedy(format!(
+                "the clock's step is longer than a row: in the mapping file, leave `time_s` out and set `sample_rate_hz`, about {rate_hz:.0}"
+            ))
+        } else {
+            finding.remedy("write times with more digits, or remove rows that were written twice")
+        });
     }
     let jitter = timing.jitter_std_s * recording.sample_rate_hz;
     if jitter > JITTER_SHARE {

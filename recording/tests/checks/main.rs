@@ -447,6 +447,20 @@ fn time_that_is_not_regular_is_described() {
 }
 
 #[test]
+fn a_clock_of_whole_seconds_is_no_time() {
+    let mut recording = whole();
+    for time_s in &mut recording.time_s {
+        *time_s = time_s.floor();
+    }
+    let found = check(&recording, None);
+    let repeated = found
+        .iter()
+        .find(|finding| finding.kind == FindingKind::RepeatedTimes);
+    let remedy = &repeated.expect("told").remedy;
+    assert!(remedy.contains("set `sample_rate_hz`"), "{remedy}");
+}
+
+#[test]
 fn signals_that_stay_or_are_missing_are_named() {
     let mut recording = whole();
     let stuck = column(&mut recording, 1, Signal::MotorPositionRad);
