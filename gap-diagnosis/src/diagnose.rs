@@ -106,7 +106,7 @@ pub(crate) fn prepared(
         .enumerate()
         .on_all_cores(|(index, joint)| {
             if looks_at(index) {
-                samples::find(tables, joint, &timing)
+                samples::find(tables, index, joint, &timing)
             } else {
                 Vec::new()
             }

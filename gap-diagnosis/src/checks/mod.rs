@@ -1,6 +1,7 @@
 //! What is looked at before anything is explained: whether recordings are what the robot file says, what single samples show by
 //! themselves, and what is mended for it.
 
+mod commanded;
 pub mod data;
 mod exchanged;
 mod follow;

@@ -4,6 +4,7 @@
 use recording::{JointColumns, Recording, Signal};
 use robot::{Control, Effect, EncoderSide, RobotJoint};
 
+use crate::checks::commanded::Law;
 use crate::checks::follow::{Response, SLOW_LAG_S, slow_drive};
 use crate::checks::found::{Found, LOST_MIN, ROWS_MIN, SURE};
 use crate::checks::lost::{LeftOut, left_out};
@@ -24,7 +25,12 @@ const USUAL_LAG: f64 = 1.3;
 /// What the samples of one joint show, over all recordings. Where the robot file tells of no feedback there is no
 /// velocity filter that could be slower than told, and where it tells no controller no delay that could be longer. A recording
 /// slower than the loop lacks most commands.
-pub(crate) fn find(recordings: &[&Recording], joint: &RobotJoint, timing: &Timing) -> Vec<Found> {
+pub(crate) fn find(
+    recordings: &[&Recording],
+    index: usize,
+    joint: &RobotJoint,
+    timing: &Timing,
+) -> Vec<Found> {
     let columns = columns(recordings, joint);
     let control = timing.control.as_ref();
     let Some(rate_hz) = recordings.first().map(|recording| recording.sample_rate_hz) else {
@@ -73,7 +79,19 @@ pub(crate) fn find(recordings: &[&Recording], joint: &RobotJoint, timing: &Timin
         ),
         control
             .filter(|control| control.is_closed())
-            .and_then(|control| slow_velocity(&columns, rate_hz, lag_of_filter_s(control))),
+            .and_then(|control| {
+                let usual_s = usual_lag_s(lag_of_filter_s(control), period_s);
+                let law = Law {
+                    control,
+                    joint: index,
+                    gear_ratio: joint.gear_ratio,
+                    rate_hz,
+                };
+                slow_velocity(&columns, rate_hz, usual_s).or_else(|| {
+                    let of_loop = !lacks_commands && timing.is_told;
+                    law.slow_filter(&columns, usual_s).filter(|_| of_loop)
+                })
+            }),
     ];
     found.into_iter().flatten().chain(slow).collect()
 }
@@ -230,9 +248,13 @@ fn lag_of_filter_s(control: &Control) -> f64 {
         / (std::f64::consts::PI / (2.0 * order)).sin()
 }
 
-/// How far the reported velocity is behind the derivative of the reported position, where that is clearly more than a told lag
-/// and the half sample of a backward difference.
-fn slow_velocity(columns: &[JointColumns], rate_hz: f64, told_s: f64) -> Option<Found> {
+/// The lag of a velocity that is filtered as it should be: as told, and the half sample of a backward difference.
+fn usual_lag_s(told_s: f64, period_s: f64) -> f64 {
+    SLOW_LAG_S.max(USUAL_LAG * (told_s + 0.5 * period_s))
+}
+
+/// How far the reported velocity is behind the derivative of the reported position, where that is clearly more than usual.
+fn slow_velocity(columns: &[JointColumns], rate_hz: f64, usual_s: f64) -> Option<Found> {
     let period_s = 1.0 / rate_hz;
     let (mut slope, mut square, mut left, mut rows) = (0.0, 0.0, 0.0, 0.0);
     let mut pairs: Vec<(f64, f64)> = Vec::new();
@@ -272,7 +294,6 @@ fn slow_velocity(columns: &[JointColumns], rate_hz: f64, told_s: f64) -> Option<
         left += (behind - lag_s * change).powi(2);
     }
     let std_s = (left / (rows - 1.0) / square).sqrt();
-    let usual_s = SLOW_LAG_S.max(USUAL_LAG * (told_s + 0.5 * period_s));
     if lag_s < usual_s || lag_s < SURE * std_s {
         return None;
     }
@@ -373,7 +394,8 @@ mod tests {
             (Signal::MotorPositionRad, (0..20_000).map(wave).collect()),
             (Signal::MotorVelocityRadS, told),
         ]);
-        let found = slow_velocity(std::slice::from_ref(&joint), 1000.0, 0.0).unwrap();
+        let usual = |told_s| usual_lag_s(told_s, 1e-3);
+        let found = slow_velocity(std::slice::from_ref(&joint), 1000.0, usual(0.0)).unwrap();
         let Effect::VelocityFilterLag {
             cutoff_hz: found_hz,
         } = found.effect
@@ -383,7 +405,7 @@ mod tests {
         assert!((found_hz / cutoff_hz - 1.0).abs() < 0.2, "{found_hz}");
         // told, it is no fault
         let told_s = 1.0 / (std::f64::consts::TAU * cutoff_hz);
-        assert_eq!(slow_velocity(&[joint], 1000.0, told_s), None);
+        assert_eq!(slow_velocity(&[joint], 1000.0, usual(told_s)), None);
     }
 
     #[test]
