@@ -4,7 +4,6 @@ use std::borrow::Cow;
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
-use crate::grid::runs;
 use crate::statistics;
 use crate::{Finding, FindingKind, JointColumns, Recording, Signal};
 
@@ -15,67 +14,122 @@ const POSITIONS: [Signal; 3] = [
     Signal::ReferencePositionRad,
 ];
 
-/// The way from one value to the next that is there, with the row of the next.
-fn ways(values: &[f64], run: Range<usize>) -> impl Iterator<Item = (usize, f64)> {
-    let mut before = f64::NAN;
-    run.filter(|row| values[*row].is_finite())
-        .filter_map(move |row| {
-            let way = values[row] - before;
-            before = values[row];
-            way.is_finite().then_some((row, way))
-        })
+/// How a value goes on to the next that is there.
+#[derive(Clone, Copy)]
+struct Way {
+    /// Row of the next.
+    row: usize,
+    /// How far.
+    rad: f64,
+    /// In how many rows' time.
+    rows: f64,
 }
 
-/// Rows on which a signal begins anew, with the turns that it goes back there. A leap of more than half a turn is one if, less its whole
-/// turns, it is no longer than the longest way from row to row anywhere else; and if it goes from end to end, for what counts within so
-/// many turns is never beyond them.
-fn rows(values: &[f64], runs: &[Range<usize>]) -> Vec<(usize, f64)> {
-    let all = || runs.iter().flat_map(|run| ways(values, run.clone()));
-    let longest = all()
-        .filter(|(_, way)| way.abs() <= PI)
-        .fold(0.0, |longest: f64, (_, way)| longest.max(way.abs()));
-    let found: Vec<(usize, f64, f64)> = all()
-        .filter(|(_, way)| way.abs() > PI)
-        .map(|(row, way)| (row, way, (way / TAU).round()))
-        .collect();
-    let counted_rad = statistics::span(values);
-    let is_turn = |(_, way, turns): &(usize, f64, f64)| {
-        (way - turns * TAU).abs() <= longest && counted_rad <= turns.abs() * TAU + longest
-    };
-    if found.iter().all(is_turn) {
-        found.iter().map(|(row, _, turns)| (*row, *turns)).collect()
-    } else {
-        Vec::new()
+fn ways(values: &[f64], time_s: &[f64], rate_hz: f64, run: Range<usize>) -> Vec<Way> {
+    let mut before: Option<usize> = None;
+    let there = run.filter(|row| values[*row].is_finite());
+    there
+        .filter_map(|row| {
+            let from = before.replace(row)?;
+            Some(Way {
+                row,
+                rad: values[row] - values[from],
+                rows: ((time_s[row] - time_s[from]) * rate_hz).max(1.0),
+            })
+        })
+        .collect()
+}
+
+/// Rows on which a signal begins anew, with how far it goes back there. A leap of more than half a turn is one if, less its whole
+/// turns, it is no longer than the longest way from row to row anywhere else; or, of an encoder, if the joint goes on the other way
+/// before and after. And if it goes from end to end, for what counts within so far is never beyond that.
+fn rows(signal: Signal, values: &[f64], runs: &[Vec<Way>]) -> Vec<(usize, f64)> {
+    let all = || runs.iter().flatten();
+    let each = all().filter(|way| way.rad.abs() <= PI);
+    let longest = each.fold(0.0, |longest: f64, way| {
+        longest.max(way.rad.abs() / way.rows)
+    });
+    // after many rows that are missing nobody knows where a joint went
+    let is_leap = |way: &&Way| way.rad.abs() > PI && longest * way.rows < PI;
+    let leaps: Vec<&Way> = all().filter(is_leap).collect();
+    if leaps.is_empty() {
+        return Vec::new();
     }
+    // who goes half a turn from one row to the next leaps by that too
+    if all().any(|way| way.rad.abs() > PI && way.rows < 2.0 && longest * way.rows >= PI) {
+        return Vec::new();
+    }
+    let counted_rad = statistics::span(values);
+    let turns = |way: &Way| (way.rad / TAU).round() * TAU;
+    let is_turn = |way: &&&Way| {
+        (way.rad - turns(way)).abs() <= longest * way.rows
+            && counted_rad <= turns(way).abs() + longest
+    };
+    if leaps.iter().filter(is_turn).count() == leaps.len() {
+        return leaps.iter().map(|way| (way.row, turns(way))).collect();
+    }
+    if signal == Signal::ReferencePositionRad {
+        return Vec::new();
+    }
+    let around = runs.iter().flat_map(|run| run.windows(3));
+    let around = around.filter(|three| leaps.iter().any(|leap| leap.row == three[1].row));
+    // what the leap hides of the way on is as long as the ways beside it
+    let whole = around.filter_map(|three| {
+        let on = 0.5 * (three[0].rad / three[0].rows + three[2].rad / three[2].rows);
+        let goes_on = [three[0].rad, three[2].rad].map(|rad| rad * three[1].rad < 0.0);
+        goes_on
+            .iter()
+            .all(|goes_on| *goes_on)
+            .then_some((three[1].rad - on * three[1].rows).abs())
+    });
+    let whole: Vec<f64> = whole.collect();
+    if whole.len() < leaps.len() {
+        return Vec::new();
+    }
+    let period_rad = whole.iter().sum::<f64>() / whole.len() as f64;
+    if counted_rad > period_rad + longest {
+        return Vec::new();
+    }
+    leaps
+        .iter()
+        .map(|way| (way.row, period_rad.copysign(way.rad)))
+        .collect()
 }
 
 /// What begins anew of a joint, signal by signal.
-fn of_joint<'a>(
-    joint: &'a JointColumns,
-    runs: &'a [Range<usize>],
-) -> impl Iterator<Item = (Signal, Vec<(usize, f64)>)> + 'a {
-    POSITIONS.into_iter().filter_map(|signal| {
-        let rows = rows(joint.signals.get(&signal)?, runs);
+fn of_joint(recording: &Recording, joint: &JointColumns) -> Vec<(Signal, Vec<(usize, f64)>)> {
+    let Recording {
+        time_s,
+        sample_rate_hz,
+        ..
+    } = recording;
+    let found = POSITIONS.into_iter().filter_map(|signal| {
+        let values = joint.signals.get(&signal)?;
+        let segments = recording.segments().into_iter();
+        let runs: Vec<Vec<Way>> = segments
+            .map(|run| ways(values, time_s, *sample_rate_hz, run))
+            .collect();
+        let rows = rows(signal, values, &runs);
         (!rows.is_empty()).then_some((signal, rows))
-    })
+    });
+    found.collect()
 }
 
 /// The recording with positions that go on where they began anew.
 pub(crate) fn without_wraps(recording: &Recording) -> Cow<'_, Recording> {
     let mut whole = Cow::Borrowed(recording);
-    let runs = runs(recording);
     for (index, joint) in recording.joints.iter().enumerate() {
-        for (signal, rows) in of_joint(joint, &runs) {
+        for (signal, rows) in of_joint(recording, joint) {
             let Some(values) = whole.to_mut().joints[index].signals.get_mut(&signal) else {
                 continue;
             };
-            for run in &runs {
-                let mut turns = 0.0;
-                for row in run.clone() {
+            for segment in recording.segments() {
+                let mut gone_rad = 0.0;
+                for row in segment {
                     if let Ok(found) = rows.binary_search_by_key(&row, |(row, _)| *row) {
-                        turns += rows[found].1;
+                        gone_rad += rows[found].1;
                     }
-                    values[row] -= turns * TAU;
+                    values[row] -= gone_rad;
                 }
             }
         }
@@ -85,17 +139,20 @@ pub(crate) fn without_wraps(recording: &Recording) -> Cow<'_, Recording> {
 
 /// What began anew.
 pub(crate) fn check(recording: &Recording) -> Vec<Finding> {
-    let runs = runs(recording);
     let all = recording.joints.iter();
-    let found = all.flat_map(|joint| of_joint(joint, &runs).map(move |of| (joint, of)));
+    let found = all.flat_map(|joint| {
+        let found = of_joint(recording, joint).into_iter();
+        found.map(move |of| (joint, of))
+    });
     let told = found.map(|(joint, (signal, rows))| {
-        let first = rows[0].0;
+        let (first, back_rad) = rows[0];
         let many = match rows.len() {
             1 => String::new(),
             count => format!(", and {} times more", count - 1),
         };
         let what = format!(
-            "begins anew after a turn, first in row {} at {:.3} s{many}; the diagnosis lets it go on",
+            "begins anew after {:.4} rad, first in row {} at {:.3} s{many}; the diagnosis lets it go on",
+            back_rad.abs(),
             first + 1,
             recording.time_s[first] - recording.time_s[0],
         );
@@ -154,6 +211,30 @@ mod tests {
             );
             assert!(check(&whole).is_empty());
         }
+    }
+
+    #[test]
+    fn an_encoder_may_begin_anew_after_any_way_and_while_rows_are_missing() {
+        // 25 rad, as a servo's protocol counts them, with a row in twenty lost
+        let kept: Vec<u32> = (0..9000).filter(|row| row * row % 20 != 9).collect();
+        let at = |row: u32| 9.0 + 40.0 * (6e-4 * f64::from(row)).sin();
+        let shown = |row: &u32| (at(*row) + 12.5).rem_euclid(25.0) - 12.5;
+        let mut recording = recording(kept.iter().map(shown).collect(), None);
+        recording.time_s = kept.iter().map(|row| 1e-3 * f64::from(*row)).collect();
+        let found = check(&recording);
+        assert!(found[0].what.contains("after 25.00"), "{found:?}");
+        let whole = without_wraps(&recording);
+        let position_rad = &whole.joints[0].signals[&Signal::LinkPositionRad];
+        for (row, rad) in kept.iter().zip(position_rad) {
+            assert!((rad - at(*row)).abs() < 1e-2, "{row}: {rad}");
+        }
+        // a reference may leap from end to end, and an encoder that stands before and after did
+        let square = (0..600).map(|row| if row % 200 < 100 { 2.0 } else { -2.0 });
+        recording.time_s = (0..600).map(|row| 1e-3 * f64::from(row)).collect();
+        recording.joints[0]
+            .signals
+            .insert(Signal::LinkPositionRad, square.collect());
+        assert!(check(&recording).is_empty());
     }
 
     #[test]

@@ -10,7 +10,8 @@ use std::fmt::Write;
 
 impl Guesser<'_> {
     /// Unit, sign and side of the gear of velocities, from their positions. One that no unit, sign or side explains is taken out and
-    /// told with the reason: it lags, or was filtered, and the position tells the motion without it.
+    /// told with the reason: it lags, or was filtered, and the position tells the motion without it. Where all are off by one factor the
+    /// time is, and they stay, for they show it.
     pub(super) fn weigh_velocities(
         &self,
         columns: &mut Vec<(usize, GuessedColumn)>,
@@ -31,6 +32,8 @@ impl Guesser<'_> {
             .iter_mut()
             .filter(|(_, found)| found.signal == Signal::LinkVelocityRadS);
         let mut left_out = Vec::new();
+        let mut slopes = Vec::new();
+        let mut are_explained = false;
         let mut in_either = Vec::new();
         for (index, found) in velocities {
             // A finger's velocity is not that of the arm's position with the same number.
@@ -90,8 +93,10 @@ impl Guesser<'_> {
                     "is {slope:.3} times the position's difference, which no unit explains"
                 );
                 left_out.push((found.column.clone(), why));
+                slopes.push(slope);
                 continue;
             };
+            are_explained = true;
             found.signal = signal;
             let _ = write!(found.why, "; {why}");
             // only how far it goes says that the position is in degrees, which a joint that turns round and round may do in radians
@@ -117,6 +122,18 @@ impl Guesser<'_> {
             found
                 .why
                 .push_str(", or position and velocity are both in radians");
+        }
+        let mean = slopes.iter().sum::<f64>() / slopes.len() as f64;
+        let is_alike = |slope: &f64| (slope / mean - 1.0).abs() < 0.1;
+        if !are_explained && slopes.len() > 1 && slopes.iter().all(is_alike) {
+            let is_one = |found: &GuessedColumn| left_out.iter().any(|(of, _)| *of == found.column);
+            for (_, found) in columns.iter_mut().filter(|(_, found)| is_one(found)) {
+                let _ = write!(
+                    found.why,
+                    "; is {mean:.3} times the position's difference, as all velocities are"
+                );
+            }
+            return Vec::new();
         }
         columns.retain(|(_, found)| left_out.iter().all(|(column, _)| *column != found.column));
         left_out
