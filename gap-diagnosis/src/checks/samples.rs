@@ -81,15 +81,15 @@ pub(crate) fn find(
             .filter(|control| control.is_closed())
             .and_then(|control| {
                 let usual_s = usual_lag_s(lag_of_filter_s(control), period_s);
-                let law = Law {
-                    control,
-                    joint: index,
-                    gear_ratio: joint.gear_ratio,
-                    rate_hz,
-                };
                 slow_velocity(&columns, rate_hz, usual_s).or_else(|| {
-                    let of_loop = !lacks_commands && timing.is_told;
-                    law.slow_filter(&columns, usual_s).filter(|_| of_loop)
+                    let is_of_loop = timing.is_told && !lacks_commands;
+                    let law = is_of_loop.then_some(Law {
+                        control,
+                        joint: index,
+                        gear_ratio: joint.gear_ratio,
+                        rate_hz,
+                    })?;
+                    law.slow_filter(&columns, usual_s)
                 })
             }),
     ];
