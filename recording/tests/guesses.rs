@@ -452,6 +452,19 @@ fn a_joint_that_may_turn_round_is_not_taken_for_degrees_without_a_question() {
 }
 
 #[test]
+fn a_velocity_beside_a_coarse_encoder_is_as_right() {
+    let log = Log::new("q1,qd1,tau1", |time_s| {
+        let (angle, velocity) = swing(time_s);
+        // from row to row the joint goes a part of a step
+        vec![(angle / 0.03).round() * 0.03, velocity, 1.0]
+    });
+    let guess = log.guess(&[("elbow", 1.0)]);
+    assert!(guess.left_out.is_empty(), "{:?}", guess.left_out);
+    let (_, signal, scale, _) = told(&guess, "qd1");
+    assert_eq!((signal, scale), (Signal::LinkVelocityRadS, 1.0));
+}
+
+#[test]
 fn a_velocity_that_lags_is_left_out() {
     let log = Log::new("q1,qd1,tau1", |time_s| {
         let (angle, _) = swing(time_s);

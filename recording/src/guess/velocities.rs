@@ -8,6 +8,9 @@ use crate::columns::TIME;
 use std::f64::consts::PI;
 use std::fmt::Write;
 
+/// Ways of a joint, one after the other, that say how a velocity goes with them.
+const WAYS_MIN: usize = 10;
+
 impl Guesser<'_> {
     /// Unit, sign and side of the gear of velocities, from their positions. One that no unit, sign or side explains is taken out and
     /// told with the reason: it lags, or was filtered, and the position tells the motion without it. Where all are off by one factor the
@@ -164,23 +167,43 @@ impl Guesser<'_> {
     }
 }
 
-/// Least squares of a velocity over the difference of its position; `None` if it stands still or scatters.
+/// Least squares of the difference of a position over its velocity's integral, as a factor of the velocity, over so many rows as make
+/// both agree best: from one row to the next an encoder's rounding may be more than the way. `None` if it stands still or scatters.
 fn slope(time_s: &[f64], position: &[f64], velocity: &[f64]) -> Option<f64> {
-    let (mut with, mut of, mut own) = (0.0, 0.0, 0.0);
-    for row in 1..time_s
-        .len()
-        .min(position.len())
-        .min(velocity.len())
-        .saturating_sub(1)
-    {
-        let step_s = time_s[row + 1] - time_s[row - 1];
-        let difference = (position[row + 1] - position[row - 1]) / step_s;
-        if step_s > 0.0 && difference.is_finite() && velocity[row].is_finite() {
-            with += velocity[row] * difference;
-            of += difference * difference;
-            own += velocity[row] * velocity[row];
-        }
+    let rows = time_s.len().min(position.len()).min(velocity.len());
+    // the integral up to each row, and how many rows of it are missing
+    let mut until = vec![(0.0, 0_usize); rows];
+    for row in 1..rows {
+        let step_s = time_s[row] - time_s[row - 1];
+        let way = 0.5 * (velocity[row] + velocity[row - 1]) * step_s;
+        let (gone, missing) = until[row - 1];
+        until[row] = if step_s > 0.0 && way.is_finite() {
+            (gone + way, missing)
+        } else {
+            (gone, missing + 1)
+        };
     }
+    let mut best = (0.0, 0.0);
+    let mut apart = 1;
+    while apart == 1 || WAYS_MIN * apart <= rows {
+        let (mut with, mut of, mut own) = (0.0, 0.0, 0.0);
+        for row in apart..rows {
+            let (before, after) = (until[row - apart], until[row]);
+            let way = position[row] - position[row - apart];
+            if before.1 == after.1 && way.is_finite() {
+                let integral = after.0 - before.0;
+                with += integral * way;
+                of += way * way;
+                own += integral * integral;
+            }
+        }
+        let agreement = with * with / (of * own);
+        if agreement > best.0 {
+            best = (agreement, with / of);
+        }
+        apart *= 2;
+    }
+    let (agreement, slope) = best;
     // Half of the squares are of something else: nothing can be told.
-    (with * with > 0.5 * of * own && of > 0.0).then(|| with / of)
+    (agreement > 0.5).then_some(slope)
 }
