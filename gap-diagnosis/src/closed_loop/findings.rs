@@ -25,9 +25,9 @@ pub(crate) fn vibration(joint: &str, search: &Search<'_>) -> Option<DataFinding>
     })
 }
 
-/// That a joint's two encoders do not show the same angle at the same instant, by what a fit found of the file's values and their errors, in
-/// standard deviations.
-pub(crate) fn encoders(joint: &str, search: &Search<'_>, known: &[[f64; 2]]) -> Vec<DataFinding> {
+/// That a joint's signals are not of the same instant or its encoders not of the same angle, by what a fit found of the file's values and
+/// their errors, in standard deviations.
+pub(crate) fn readings(joint: &str, search: &Search<'_>, known: &[[f64; 2]]) -> Vec<DataFinding> {
     let found = |value: Known| {
         let of_twin = &search.twin.known;
         let place = of_twin.iter().position(|known| known.known == value)?;
@@ -63,5 +63,16 @@ pub(crate) fn encoders(joint: &str, search: &Search<'_>, known: &[[f64; 2]]) -> 
         );
         note(what, "set the zeros of both where no torque twists the gear")
     });
-    skew.into_iter().chain(zero).collect()
+    let instant = found(Known::Instant).map(|(later_s, std_s)| {
+        let what = format!(
+            "the torque of a row is that of {:.2} ± {:.2} ms {} its position, {:.2} of the time between samples; the diagnosis allows \
+             for it",
+            1e3 * later_s.abs(),
+            1e3 * std_s,
+            if later_s > 0.0 { "after" } else { "before" },
+            later_s.abs() / period_s,
+        );
+        note(what, "record both at the same instant")
+    });
+    skew.into_iter().chain(zero).chain(instant).collect()
 }

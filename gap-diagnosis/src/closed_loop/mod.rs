@@ -595,7 +595,7 @@ pub fn diagnose(
                     // at one speed a delay and a zero are the same, and neither would be known to be off
                     let names = explained.sets[0].names;
                     let known = explained.evidence.known_beside(names);
-                    findings.extend(findings::encoders(name, &joint.search, &known));
+                    findings.extend(findings::readings(name, &joint.search, &known));
                 }
                 Ok(Some((told, findings)))
             })

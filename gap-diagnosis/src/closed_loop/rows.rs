@@ -2,6 +2,7 @@
 //! be wrong about, and the response to every effect, all about one model.
 
 use crate::twin::TwinError;
+use robot::Effect;
 
 use crate::closed_loop::search::{Model, Search, Term, difference};
 use crate::effects::Hypothesis;
@@ -162,8 +163,10 @@ impl About {
             own.any(|term| is_same(&term.hypothesis, hypothesis))
         };
         let of_arm = search.twin.joints() > 1;
-        let others = search.hypotheses.iter().cloned();
+        let lever_m = lever_m(search, &model);
+        let others = search.hypotheses.iter();
         let others = others
+            .map(|of| lever_m.map_or_else(|| of.clone(), |lever_m| of.hanging_at(lever_m)))
             .chain(search.periodic_hypotheses(&model, &residual_nm, &known_nm))
             .filter(|hypothesis| !(is_told(hypothesis) || of_arm && hypothesis.is_of_arm()))
             .collect();
@@ -328,6 +331,21 @@ impl About {
         kinds.sort_unstable();
         kinds
     }
+}
+
+/// How far from its axis a mass hangs that is what a model adds to the weight and the inertia of an only joint's link.
+fn lever_m(search: &Search<'_>, model: &Model) -> Option<f64> {
+    let effects = || model.terms.iter().map(|term| term.effect(&search.scale));
+    let weight_nm = effects().find_map(|effect| match effect {
+        Effect::GravityTorque { sin_nm, cos_nm } => Some(sin_nm.hypot(cos_nm)),
+        _ => None,
+    })?;
+    let inertia_kg_m2 = effects().find_map(|effect| match effect {
+        Effect::LinkInertia { inertia_kg_m2 } => Some(inertia_kg_m2),
+        _ => None,
+    })?;
+    let lever_m = inertia_kg_m2 * search.twin.gravity_across_m_s2() / weight_nm;
+    (lever_m > 0.0 && lever_m.is_finite()).then_some(lever_m)
 }
 
 /// Kinds of a model's terms, sorted.

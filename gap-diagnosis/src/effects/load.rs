@@ -16,7 +16,7 @@ const PAYLOAD_STEP_KG: f64 = 0.1;
 const PAYLOAD_STEP_M: f64 = 0.1;
 /// How far off a payload is tried that one joint alone carries, and between which distances it is sought.
 const DISTANCE_M: f64 = 0.3;
-const DISTANCES_M: [f64; 2] = [0.02, 2.0];
+pub const DISTANCES_M: [f64; 2] = [0.02, 2.0];
 /// Steps of a base's tilt, and its standard deviation: a base is set up with a level.
 const TILT_STEP_RAD: f64 = 0.005;
 const TILT_PLAUSIBLE_RAD: f64 = 0.03;

@@ -66,6 +66,16 @@ impl Hypothesis {
         Self::new(self.kind, self.place, shape)
     }
 
+    /// The same effect, of a mass that one joint carries, begun at a distance from its axis.
+    pub(crate) fn hanging_at(&self, distance_m: f64) -> Self {
+        if self.kind != EffectKind::Payload || self.shape.is_empty() {
+            return self.clone();
+        }
+        let [least, most] = load::DISTANCES_M;
+        let of = self.shaped(&[distance_m.clamp(least, most)]);
+        of.reaching(self.reach)
+    }
+
     /// How many amplitudes there are.
     pub fn amplitudes(&self) -> usize {
         self.form().amplitudes

@@ -10,7 +10,7 @@ use robot::{Effect, Robot, Tolerance, changed_chain};
 use super::motion::{JointMotion, Piece};
 use crate::report::TorqueSource;
 use crate::twin::joint::JointModel;
-use crate::twin::known::{self, KnownValue, PART_MIN};
+use crate::twin::known::{self, Every, KnownValue, PART_MIN};
 
 /// How the torque of every joint changes with something of the whole arm.
 #[derive(Clone, Debug)]
@@ -287,7 +287,7 @@ impl Drive {
     pub fn of(robot: &Robot, joint: usize, source: TorqueSource) -> Self {
         let model = JointModel::nominal(robot, joint);
         Self {
-            known: known::of_joint(&model, &robot.tolerance, None),
+            known: known::of_joint(&model, &robot.tolerance, Every::default()),
             model,
             feels_rotor: source != TorqueSource::Sensor,
             friction_is_a_simulators: robot.joints[joint].friction_is_a_simulators,

@@ -26,8 +26,8 @@ const CREEPS: [(f64, f64); 2] = [(0.15, 0.015), (0.3, 0.003)];
 /// development robots, and how many harmonics are looked at.
 const WAVINESS_PART: f64 = 0.06;
 const WAVY_TERMS: usize = 3;
-/// Standard deviation of the time between readings of a joint's two encoders, as a part of the time between samples: who reads
-/// them one after the other does so within about one.
+/// Standard deviation of the time between readings of a joint's two encoders, or of its torque and its encoder, as a part of the time
+/// between samples: who reads them one after the other does so within about one.
 const SKEW_PART: f64 = 0.5;
 /// Standard deviation of the difference between their zeros.
 const ZERO_RAD: f64 = 1e-3;
@@ -62,6 +62,8 @@ pub enum Known {
     Creep(usize),
     /// How much later the link's encoder is read than the motor's.
     Skew,
+    /// How much later a torque acts than the row it is recorded in.
+    Instant,
     /// Zero of the link's encoder less that of the motor's.
     Zero,
 }
@@ -209,18 +211,24 @@ impl KnownValue {
                 });
             }
             Known::Skew => model.link_skew_s += change,
+            Known::Instant => model.command_delay_s += change,
             Known::Zero => model.link_zero_rad += change,
             Known::Mass(_) | Known::Centre(..) | Known::Inertia(_) => {}
         }
     }
 }
 
-/// What is known of a joint, its links aside. `both_every_s`: time between samples, where both encoders are recorded.
-pub fn of_joint(
-    model: &JointModel,
-    tolerance: &Tolerance,
-    both_every_s: Option<f64>,
-) -> Vec<KnownValue> {
+/// Time between samples, where it tells how well something is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Every {
+    /// Where both encoders are recorded.
+    pub both_s: Option<f64>,
+    /// Where a torque may be any instant's between two samples.
+    pub torque_s: Option<f64>,
+}
+
+/// What is known of a joint, its links aside.
+pub fn of_joint(model: &JointModel, tolerance: &Tolerance, every: Every) -> Vec<KnownValue> {
     let mut model = model.clone();
     let is_there = |value: &FileValue<'_>| value.numbers.iter().any(|number| **number != 0.0);
     let of_file = of_file(&mut model).into_iter().enumerate();
@@ -250,9 +258,12 @@ pub fn of_joint(
     if friction.load_torque.is_some() {
         beside(Known::Rounding, ROUNDING_NM);
     }
-    if let Some(period_s) = both_every_s {
+    if let Some(period_s) = every.both_s {
         beside(Known::Skew, SKEW_PART * period_s);
         beside(Known::Zero, ZERO_RAD);
+    }
+    if let Some(period_s) = every.torque_s {
+        beside(Known::Instant, SKEW_PART * period_s);
     }
     all
 }
@@ -367,7 +378,7 @@ mod tests {
     fn friction_is_less_in_creeping_motion_only_and_never_pushes() {
         let robot = robot::load("shd17").unwrap();
         let nominal = JointModel::nominal(&robot, 0);
-        let all = of_joint(&nominal, &robot.tolerance, None);
+        let all = of_joint(&nominal, &robot.tolerance, Every::default());
         let creeps = all
             .iter()
             .filter(|value| matches!(value.known, Known::Creep(_)));

@@ -29,11 +29,11 @@ use robot::effect::parts::Full;
 use robot::{Effect, Part, Robot};
 
 use crate::twin::joint::JointModel;
-use crate::twin::known::KnownValue;
+use crate::twin::known::{Every, KnownValue};
 use crate::twin::load::{Load, LoadChange, Motion};
 use crate::twin::observe::{Band, Channel, Room, channels};
 use crate::twin::remembered::Remembered;
-use crate::twin::simulate::{Feedback, Noise, Substeps, Trace, simulate};
+use crate::twin::simulate::{Between, Feedback, Noise, Substeps, Trace, simulate};
 use crate::twin::stretch::{JointStretch, Stretch};
 use crate::twin::vibration::{Swing, Vibration};
 use crate::twin::whole_arm::WholeArm;
@@ -172,9 +172,16 @@ impl<'a> JointTwin<'a> {
             .collect();
         let motions: Vec<_> = there.iter().map(|(stretch, _)| &stretch.motion).collect();
         let has_both = channels.contains(&Channel::Torsion);
-        let periods_s = there.iter().map(|(_, signals)| signals.drive.period_s);
-        let both_every_s = has_both.then(|| periods_s.fold(0.0, f64::max));
-        let mut known = known::of_joint(&nominal, &robot.tolerance, both_every_s);
+        let period_s = there.iter().map(|(_, signals)| signals.drive.period_s);
+        let period_s = period_s.fold(0.0, f64::max);
+        let mut drives = there.iter().map(|(_, signals)| &signals.drive);
+        let every = Every {
+            both_s: has_both.then_some(period_s),
+            torque_s: drives
+                .any(|drive| drive.between == Between::Line)
+                .then_some(period_s),
+        };
+        let mut known = known::of_joint(&nominal, &robot.tolerance, every);
         let links = known::of_links(robot, joint, &motions);
         let beside = known.len();
         known.extend(links.iter().map(|(known, _)| known.clone()));
@@ -224,6 +231,14 @@ impl<'a> JointTwin<'a> {
     /// The joint's axis, in its frame.
     pub fn axis(&self) -> Unit<Vector3<f64>> {
         self.robot.chain.links()[self.joint].axis
+    }
+
+    /// How strong gravity is across the axis of the first joint, which does not turn in space.
+    pub fn gravity_across_m_s2(&self) -> f64 {
+        let chain = &self.robot.chain;
+        let first = &chain.links()[0];
+        let axis = first.origin.rotation * first.axis;
+        chain.gravity_m_s2().cross(&axis).norm()
     }
 
     /// How many joints the robot has.
