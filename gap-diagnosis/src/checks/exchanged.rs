@@ -28,7 +28,7 @@ struct Exchange {
 
 /// The two joints that fit the file's masses better under each other's names, if any do.
 pub(crate) fn check(robot: &Robot, recording: &Recording) -> Option<Finding> {
-    let thinned = thinned(recording);
+    let thinned = thinned(robot, recording);
     let stretches = rigid_stretches(&[&thinned], robot).ok()?;
     let before = parts(robot, &stretches, None);
     let joints = 0..robot.joints.len();

@@ -2,7 +2,7 @@
 //! against the file before anything is fitted.
 
 use nalgebra::{Matrix2, Vector2};
-use recording::{Recording, STILL_RAD};
+use recording::{JointColumns, Recording, STILL_RAD, Signal};
 use robot::Robot;
 
 use crate::checks::found::ROWS_MIN;
@@ -18,8 +18,8 @@ const RIGHT: f64 = LAW * LAW;
 /// Natural logarithm of the factor by which a change must let the rigid bodies leave less, over all joints.
 const GAIN: f64 = 2.0;
 
-/// Rows at about [`RATE_HZ`].
-pub(crate) fn thinned(recording: &Recording) -> Recording {
+/// Rows at about [`RATE_HZ`]. A torque that is measured behind the gear alone stands for the motor's: masses need the same of both.
+pub(crate) fn thinned(robot: &Robot, recording: &Recording) -> Recording {
     let every = ((recording.sample_rate_hz / RATE_HZ) as usize).max(1);
     let mut thinned = recording.clone();
     thinned.time_s = recording.time_s.iter().copied().step_by(every).collect();
@@ -32,8 +32,25 @@ pub(crate) fn thinned(recording: &Recording) -> Recording {
         for values in joint.signals.values_mut() {
             *values = values.iter().copied().step_by(every).collect();
         }
+        let file = robot.joints.iter().find(|file| file.name == joint.name);
+        if let (Some(Signal::JointTorqueNm), Some(file)) = (torque_signal(joint), file) {
+            let sensed_nm = joint.signals[&Signal::JointTorqueNm].iter();
+            let motor_nm = sensed_nm.map(|nm| nm / file.gear_ratio).collect();
+            joint.signals.insert(Signal::MotorTorqueNm, motor_nm);
+        }
     }
     thinned
+}
+
+/// The signal that a joint's torque is taken from.
+pub(crate) fn torque_signal(columns: &JointColumns) -> Option<Signal> {
+    let torques = [
+        Signal::MotorTorqueNm,
+        Signal::CommandTorqueNm,
+        Signal::JointTorqueNm,
+    ];
+    let mut torques = torques.into_iter();
+    torques.find(|signal| columns.measured(*signal).is_some())
 }
 
 /// By how much a change lets the rigid bodies leave less of all joints' torques, if it is believed: the sum of natural logarithms.

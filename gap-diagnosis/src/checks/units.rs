@@ -7,11 +7,14 @@ use recording::{Finding, FindingKind, JointColumns, Recording, Severity, Signal}
 use robot::{Robot, RobotJoint};
 
 use crate::checks::found::ROWS_MIN;
-use crate::checks::rigid::{MadeOf, Moving, OWN, gain, thinned};
+use crate::checks::rigid::{MadeOf, Moving, OWN, gain, thinned, torque_signal};
 use crate::effects::GAIN;
 use crate::twin::stretch::{Stretch, rigid_stretches};
 
 const DEGREES: f64 = 180.0 / PI;
+/// Which torque it may be.
+const JOINT_SIDE: &str = "at the joint's side";
+const MOTOR_SIDE: &str = "at the motor's side";
 /// No effect makes what the rigid bodies need so many times larger or smaller while friction agrees.
 const BY_EFFECTS: f64 = 8.0;
 /// Friction agrees if it is off by that factor, but for this one: with more, a KUKA KR300's axis whose masses carry a tenth is refused.
@@ -25,19 +28,17 @@ const POSITIONS: [Signal; 3] = [
 
 /// Errors, of one joint each or of all.
 pub(crate) fn check(robot: &Robot, recording: &Recording) -> Vec<Finding> {
-    let thinned = thinned(recording);
+    let thinned = thinned(robot, recording);
     let Ok(stretches) = rigid_stretches(&[&thinned], robot) else {
         return Vec::new();
     };
     let moving = moving(robot, &stretches);
-    let torques = robot
-        .joints
-        .iter()
-        .zip(&moving)
-        .filter_map(|(joint, moving)| {
-            torque(joint, recording.joint(&joint.name).ok()?, moving.as_ref()?)
-        });
-    let torques: Vec<Told> = torques.collect();
+    let each = robot.joints.iter().zip(&moving);
+    let each = each
+        .map(|(joint, moving)| torque(joint, recording.joint(&joint.name).ok()?, moving.as_ref()?));
+    let mut torques: Vec<Option<Told>> = each.collect();
+    add_untold(robot, recording, &moving, &mut torques);
+    let torques: Vec<Told> = torques.into_iter().flatten().collect();
     let least_off = torques.iter().map(|told| told.friction_off);
     let least_off = least_off.fold(f64::INFINITY, f64::min);
     // on a small swing a torque that is too small is like an angle that is too large, but for friction
@@ -52,6 +53,59 @@ struct Told {
     finding: Finding,
     /// Logarithm of the factor by which friction is off the file's in that unit, whichever way; a mean over joints.
     friction_off: f64,
+    /// The unit that it is of all torques, if it is one.
+    of_all: Option<(f64, &'static str)>,
+}
+
+/// Torques of joints whose masses do not tell their unit, where all that do tell one: who writes one torque in it writes all.
+fn add_untold(
+    robot: &Robot,
+    recording: &Recording,
+    moving: &[Option<Moving>],
+    torques: &mut [Option<Told>],
+) {
+    let is_right = |moving: &Moving| {
+        let made_of = moving.made_of();
+        made_of.is_some_and(|of| of.left < OWN && off(of.rigid) < BY_EFFECTS.ln())
+    };
+    let mut units = torques.iter().flatten().map(|told| told.of_all);
+    let Some(Some((unit, name))) = units.next() else {
+        return;
+    };
+    if units.any(|other| other != Some((unit, name))) || moving.iter().flatten().any(is_right) {
+        return;
+    }
+    for (joint, told) in robot.joints.iter().zip(torques) {
+        let columns = recording.joint(&joint.name).ok();
+        let Some(signal) = columns.and_then(torque_signal).filter(|_| told.is_none()) else {
+            continue;
+        };
+        let finding = Finding {
+            severity: Severity::Error,
+            kind: FindingKind::WrongUnit,
+            joint: Some(joint.name.clone()),
+            signal: Some(signal),
+            what: format!(
+                "its torque may be {name}: its masses do not tell, and wherever they do the torque is"
+            ),
+            value: Some(unit),
+            remedy: remedy(&joint.name, unit),
+        };
+        *told = Some(Told {
+            finding,
+            friction_off: 0.0,
+            of_all: Some((unit, name)),
+        });
+    }
+}
+
+/// What puts a torque right that is so many times what it should be.
+fn remedy(joint: &str, times: f64) -> String {
+    format!(
+        "in the mapping file, [joint.{joint}], multiply the scale of the torques by {:.4e}, or correct masses and friction of the \
+         robot file",
+        1.0 / times
+    )
 }
 
 /// Over the file's friction, the one that a joint's torque shows; none where the file has none.
@@ -104,8 +158,13 @@ fn torque(joint: &RobotJoint, columns: &JointColumns, moving: &Moving) -> Option
     }
     let ratio = joint.gear_ratio.abs();
     let current = joint.torque_constant_nm_a.map(|constant| 1.0 / constant);
+    let signal = torque_signal(columns)?;
+    let (side, current) = match signal {
+        Signal::JointTorqueNm => ((1.0 / ratio, MOTOR_SIDE), None),
+        _ => ((ratio, JOINT_SIDE), current),
+    };
     let units = [
-        (Some(ratio), "at the joint's side"),
+        (Some(side.0), side.1),
         (current, "the motor's current"),
         (Some(1000.0), "in mN m"),
         (Some(100.0), "in N cm"),
@@ -113,7 +172,7 @@ fn torque(joint: &RobotJoint, columns: &JointColumns, moving: &Moving) -> Option
     let distance = |unit: f64| (rigid / unit).ln().abs();
     let known = units
         .iter()
-        .filter_map(|(unit, name)| Some(((*unit)?, name)));
+        .filter_map(|(unit, name)| Some(((*unit)?, *name)));
     let nearest = known
         .filter(|(unit, _)| distance(*unit) < GAIN[1].ln())
         .min_by(|a, b| distance(a.0).total_cmp(&distance(b.0)));
@@ -123,7 +182,7 @@ fn torque(joint: &RobotJoint, columns: &JointColumns, moving: &Moving) -> Option
     }
     let (kind, it_may_be, unit) = match nearest {
         Some((unit, name)) => {
-            let kind = if *name == "at the joint's side" {
+            let kind = if name == side.1 {
                 FindingKind::WrongSide
             } else {
                 FindingKind::WrongUnit
@@ -140,20 +199,18 @@ fn torque(joint: &RobotJoint, columns: &JointColumns, moving: &Moving) -> Option
         severity: Severity::Error,
         kind,
         joint: Some(name.clone()),
-        signal: Some(torque_signal(columns)?),
+        signal: Some(signal),
         what: format!(
             "its torque is {rigid:.4} times what the robot file's masses need on this motion{friction}{it_may_be}"
         ),
         value: Some(rigid),
-        remedy: format!(
-            "in the mapping file, [joint.{name}], multiply the scale of the torques by {:.4e}, or correct masses and friction of the \
-             robot file",
-            1.0 / unit
-        ),
+        remedy: remedy(name, unit),
     };
     Some(Told {
         finding,
         friction_off,
+        // a side's factor and a current's are each joint's own
+        of_all: nearest.filter(|(_, name)| name.starts_with("in ")),
     })
 }
 
@@ -209,13 +266,8 @@ fn driven(
     Some(Told {
         finding,
         friction_off,
+        of_all: None,
     })
-}
-
-/// The signal that the torque is taken from.
-fn torque_signal(columns: &JointColumns) -> Option<Signal> {
-    let mut torques = [Signal::MotorTorqueNm, Signal::CommandTorqueNm].into_iter();
-    torques.find(|signal| columns.measured(*signal).is_some())
 }
 
 /// A factor of all positions of some joints.
@@ -287,6 +339,7 @@ fn positions(robot: &Robot, thinned: &Recording, moving: &[Option<Moving>]) -> O
     Some(Told {
         finding: finding(robot, thinned, &best),
         friction_off: best.friction_off,
+        of_all: None,
     })
 }
 
@@ -408,6 +461,44 @@ mod tests {
             assert_eq!((found[0].kind, found[0].signal), (kind, Some(signal)));
             assert!(found[0].what.contains(text), "{}", found[0]);
         }
+    }
+
+    #[test]
+    fn a_torque_behind_the_gear_has_a_unit_too() {
+        let robot = made_up::robot();
+        let ratio = robot.joints[0].gear_ratio;
+        let mut sensed = MadeUp::KNOWN.recorded();
+        let signals = &mut sensed.joints[0].signals;
+        let motor_nm = signals.remove(&Signal::MotorTorqueNm).unwrap();
+        let joint_nm = motor_nm.iter().map(|nm| ratio * nm).collect();
+        signals.insert(Signal::JointTorqueNm, joint_nm);
+        assert_eq!(check(&robot, &sensed), []);
+        for (factor, text) in [(1000.0, "in mN m"), (1.0 / ratio, "at the motor's side")] {
+            let found = check(&robot, &scaled(&sensed, 0, Signal::JointTorqueNm, factor));
+            assert_eq!(found.len(), 1, "{factor}");
+            assert_eq!(found[0].signal, Some(Signal::JointTorqueNm));
+            assert!(found[0].what.contains(text), "{}", found[0]);
+        }
+    }
+
+    #[test]
+    fn what_all_torques_that_tell_are_in_the_others_are_too() {
+        let mut robot = robot::load("pa10").unwrap();
+        for joint in &mut robot.joints {
+            joint.effects.clear();
+        }
+        let right = swinging(&robot, None);
+        assert_eq!(check(&robot, &right), []);
+        let joints = robot.joints.len();
+        let all = (0..joints).fold(right.clone(), |all, joint| {
+            scaled(&all, joint, Signal::MotorTorqueNm, 1000.0)
+        });
+        let found = check(&robot, &all);
+        assert_eq!(found.len(), joints, "{found:?}");
+        // one that is right says that the others are not all in it
+        let tells = found.iter().position(|found| found.what.contains("times"));
+        let one = scaled(&right, tells.unwrap(), Signal::MotorTorqueNm, 1000.0);
+        assert_eq!(check(&robot, &one).len(), 1);
     }
 
     #[test]

@@ -197,8 +197,12 @@ pub(super) const VELOCITIES: [Signal; 3] = [
     Signal::MotorVelocityRadS,
     Signal::ReferenceVelocityRadS,
 ];
-/// What a drive's torque limit is of.
-const TORQUES: [Signal; 2] = [Signal::MotorTorqueNm, Signal::CommandTorqueNm];
+/// What a drive's torque limit is of; behind the gear it is the gear ratio times as much.
+const TORQUES: [Signal; 3] = [
+    Signal::MotorTorqueNm,
+    Signal::CommandTorqueNm,
+    Signal::JointTorqueNm,
+];
 
 /// A number of the robot file that every joint may have the same of.
 struct Limit {
@@ -289,25 +293,30 @@ fn velocities(of_robot: &CheckJoint, joint: &JointColumns, seen: &Scales) -> Opt
 }
 
 fn torque(of_robot: &CheckJoint, joint: &JointColumns, signal: Signal) -> Option<Finding> {
-    let limit_nm = of_robot.torque_limit_nm?;
+    let ratio = of_robot.gear_ratio.abs();
+    let (side, limit_nm) = match signal {
+        Signal::JointTorqueNm => ("joint", ratio * of_robot.torque_limit_nm?),
+        _ => ("motor", of_robot.torque_limit_nm?),
+    };
     let [low, high] = range(values(joint, signal)?)?;
     let largest = low.abs().max(high.abs());
     if largest <= PEAK * limit_nm {
         return None;
     }
     let mut remedies = Vec::new();
-    let constant = of_robot.torque_constant_nm_a;
+    let is_of_motor = side == "motor";
+    let constant = of_robot.torque_constant_nm_a.filter(|_| is_of_motor);
     if let Some(constant_nm_a) = constant.filter(|constant| largest * constant <= PEAK * limit_nm) {
         remedies.push(format!("{constant_nm_a} if it is the current"));
     }
-    if largest / of_robot.gear_ratio.abs() <= PEAK * limit_nm {
+    if is_of_motor && largest / ratio <= PEAK * limit_nm {
         remedies.push(format!(
             "1/{} if it is at the joint side",
             of_robot.gear_ratio
         ));
     }
     let what =
-        format!("up to {largest:.4} Nm, the robot file's limit is {limit_nm:.4} Nm at the motor");
+        format!("up to {largest:.4} Nm, the robot file's limit is {limit_nm:.4} Nm at the {side}");
     // a limit that no unit keeps is as likely wrong itself: exporters of robot files put a one there
     let (finding, remedy) = if remedies.is_empty() {
         let remedy = "check its scale, or torque_limit_nm in the robot file".to_owned();
