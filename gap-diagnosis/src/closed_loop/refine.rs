@@ -180,11 +180,6 @@ fn moved(
         for amplitude in &mut stepped.amplitudes {
             *amplitude = amplitude.max(lowest);
         }
-        if stepped.hypothesis.shape_is_free() {
-            let [least, most] = stepped.hypothesis.shape_range(&search.scale);
-            let shape = stepped.hypothesis.shape[0].clamp(least, most);
-            stepped.hypothesis = stepped.hypothesis.shaped(&[shape]);
-        }
         *term = stepped;
     }
     moved

@@ -189,7 +189,7 @@ impl<'a> Search<'a> {
         amplitudes + usize::from(hypothesis.shape_is_free())
     }
 
-    /// A term with its values moved by so many steps.
+    /// A term with its values moved by so many steps, its shape within its range.
     pub fn stepped(&self, term: &Term, steps: &[f64]) -> Term {
         let mut term = term.clone();
         let mut steps = steps.iter().copied();
@@ -200,7 +200,9 @@ impl<'a> Search<'a> {
         }
         if term.hypothesis.shape_is_free() {
             let factor = 1.0 + term.hypothesis.shape_step(&self.scale);
+            let [least, most] = term.hypothesis.shape_range(&self.scale);
             let shape = term.hypothesis.shape[0] * factor.powf(steps.next().unwrap_or(0.0));
+            let shape = shape.clamp(least, most);
             term.hypothesis = term.hypothesis.shaped(&[shape]);
         }
         term

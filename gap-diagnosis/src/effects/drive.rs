@@ -16,9 +16,12 @@ const LAG_STEP_S: f64 = 5e-4;
 const JUST_BELOW: [f64; 2] = [1.0, 0.99];
 
 /// The drive gives more or less than it is asked for, by what its gain differs from 1.
-pub const TORQUE_CONSTANT_ERROR: Form = Form::of(|amplitude, _, _| Effect::TorqueConstantError {
-    gain: 1.0 + amplitude[0] * CONSTANT_STEP,
-});
+pub const TORQUE_CONSTANT_ERROR: Form = Form {
+    lowest: |_| (GAIN[0] - 1.0) / CONSTANT_STEP,
+    ..Form::of(|amplitude, _, _| Effect::TorqueConstantError {
+        gain: 1.0 + amplitude[0] * CONSTANT_STEP,
+    })
+};
 
 /// A constant torque.
 pub const TORQUE_OFFSET: Form = Form::of(|amplitude, _, scale| Effect::TorqueOffset {

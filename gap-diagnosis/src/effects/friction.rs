@@ -21,9 +21,12 @@ pub const COULOMB: Form = Form {
 };
 
 /// Drag in proportion to velocity.
-pub const VISCOUS: Form = Form::of(|amplitude, _, scale| Effect::ViscousFriction {
-    viscous_nm_s_rad: amplitude[0] * friction_step_nm(scale) / scale.speed_rad_s,
-});
+pub const VISCOUS: Form = Form {
+    lowest: |scale| -scale.drag_nm / friction_step_nm(scale),
+    ..Form::of(|amplitude, _, scale| Effect::ViscousFriction {
+        viscous_nm_s_rad: amplitude[0] * friction_step_nm(scale) / scale.speed_rad_s,
+    })
+};
 
 /// Drag in proportion to the square of velocity.
 pub const QUADRATIC: Form = Form::of(|amplitude, _, scale| Effect::QuadraticFriction {

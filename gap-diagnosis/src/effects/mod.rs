@@ -217,6 +217,7 @@ pub(crate) mod tests {
             across_axis: [Vector3::x(), Vector3::z()],
             friction_nm: 5.0,
             least_friction_nm: 1.0,
+            drag_nm: 1.0,
             load_coefficient: Some(0.05),
             speed_rad_s: 1.0,
             gear_ratio: 100.0,

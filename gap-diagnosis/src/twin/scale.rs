@@ -19,6 +19,8 @@ pub struct Scale {
     pub friction_nm: f64,
     /// The least that the file's friction comes to at any speed: more cannot be taken off it.
     pub least_friction_nm: f64,
+    /// The file's drag at the usual speed.
+    pub drag_nm: f64,
     /// Friction over load that the file has: less would be friction that load takes away. None where a table may have it fall.
     pub load_coefficient: Option<f64>,
     /// Fastest speed but for a few samples.
@@ -84,6 +86,7 @@ impl Scale {
                 .map(at_part)
                 .into_iter()
                 .fold(f64::INFINITY, f64::min),
+            drag_nm: friction.fluid_drag_nm(speed_rad_s),
             load_coefficient: friction
                 .load_torque
                 .is_none()
