@@ -96,6 +96,14 @@ impl Evidence {
     /// Sums of squares that a set leaves out, part by part, with the columns in every set held at these values; those that are not told are
     /// none.
     pub fn left_at(&self, names: Names, beside: &[f64]) -> [f64; PARTS] {
+        self.left_of_signals_at(names, beside).map(|by_signal| {
+            let both = by_signal.iter().zip(self.energies());
+            both.map(|(left, factor)| factor * left).sum()
+        })
+    }
+
+    /// The same signal by signal, each in its own rows' squares.
+    pub(super) fn left_of_signals_at(&self, names: Names, beside: &[f64]) -> [Vec<f64>; PARTS] {
         let places = self.places(names);
         let held: Vec<(usize, f64)> = (self.law_columns..self.columns.len())
             .zip(beside.iter().copied())
@@ -118,10 +126,8 @@ impl Evidence {
             };
             let own = places.iter().copied().zip(values.iter().copied());
             let all: Vec<(usize, f64)> = own.chain(held.iter().copied()).collect();
-            let spans = self.parts.iter().zip(self.energies());
-            spans
-                .map(|(of_span, factor)| factor * of_span[part].left_by(&all))
-                .sum()
+            let spans = self.parts.iter();
+            spans.map(|of_span| of_span[part].left_by(&all)).collect()
         })
     }
 

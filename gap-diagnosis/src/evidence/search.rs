@@ -1,6 +1,6 @@
 //! Which sets of names are tried, and which of them can be.
 
-use super::{Evidence, Fit, NAME_NATS, Names, Scored};
+use super::{Evidence, Fit, INEXACT, NAME_NATS, Names, Scored};
 
 /// Names of one joint at most.
 const NAMES_MAX: usize = 4;
@@ -35,6 +35,26 @@ impl Evidence {
         all
     }
 
+    /// Whether each name of a set takes more of some signal, beside the others and the file's values as they are with all of them, than no
+    /// law is exact by: what is less is how the others' laws are off.
+    fn are_felt(&self, names: Names) -> bool {
+        let beside = self.values_beside(names);
+        let left = |names: Names| {
+            let by_part = self.left_of_signals_at(names, &beside);
+            let sum = |signal: usize| by_part.iter().map(|part| part[signal]).sum();
+            (0..self.spans.len()).map(sum).collect::<Vec<f64>>()
+        };
+        let [nothing, all] = [0, names].map(left);
+        let mut each = (0..self.kinds.len()).filter(|index| names & 1 << index != 0);
+        each.all(|index| {
+            let without = left(names & !(1 << index));
+            let mut signals = without.iter().zip(&nothing).zip(&all);
+            signals.any(|((without, nothing), all)| {
+                without - all > INEXACT.powi(2) * (nothing - all).max(0.0)
+            })
+        })
+    }
+
     /// All sets that `is_possible` that are not far behind the best: first what is told, then the best first. There is always one: no name.
     /// It is what is told unless the odds against it are those that a name costs. What leaves more than the file as it is explains nothing.
     pub fn best(&self, is_possible: impl Fn(&Fit) -> bool) -> Vec<Scored> {
@@ -49,7 +69,9 @@ impl Evidence {
                 break;
             }
             let explains = || scored.left.iter().sum::<f64>() < gap;
-            if scored.names == 0 || explains() && is_possible(&self.fit(scored.names)) {
+            if scored.names == 0
+                || explains() && is_possible(&self.fit(scored.names)) && self.are_felt(scored.names)
+            {
                 kept.push(scored);
             }
         }
