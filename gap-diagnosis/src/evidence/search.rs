@@ -45,6 +45,16 @@ impl Evidence {
             (0..self.spans.len()).map(sum).collect::<Vec<f64>>()
         };
         let [nothing, all] = [0, names].map(left);
+        // values that work against the names leave more than there was to explain
+        let gap = self.spans.iter().map(|span| {
+            let own = &self.gap_nm[span.rows.clone()];
+            own.iter().map(|x| x * x).sum::<f64>()
+        });
+        let nothing: Vec<f64> = nothing
+            .into_iter()
+            .zip(gap)
+            .map(|(a, b)| a.min(b))
+            .collect();
         let mut each = (0..self.kinds.len()).filter(|index| names & 1 << index != 0);
         each.all(|index| {
             let without = left(names & !(1 << index));
