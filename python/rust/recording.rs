@@ -173,6 +173,7 @@ fn guess_joints(robot: &Robot) -> Vec<GuessJoint> {
             name: joint.name.clone(),
             gear_ratio: joint.gear_ratio,
             is_limited: joint.position_limit_rad.is_some(),
+            has_rotor: joint.rotor_inertia_kg_m2 > 0.0,
         })
         .collect()
 }

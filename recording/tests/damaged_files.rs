@@ -16,6 +16,7 @@ fn read_guessed(path: &Path) -> Result<Recording, ReadProblem> {
         name: name.to_owned(),
         gear_ratio: 50.0,
         is_limited: true,
+        has_rotor: false,
     });
     let read = read_guessing(path, &joints);
     read.map(|(recording, _)| recording)

@@ -37,6 +37,7 @@ fn guess_joints(joints: &[(&str, f64)]) -> Vec<GuessJoint> {
         name: (*name).to_owned(),
         gear_ratio: *gear_ratio,
         is_limited: true,
+        has_rotor: false,
     };
     joints.iter().map(joint).collect()
 }
@@ -449,6 +450,21 @@ fn a_joint_that_may_turn_round_is_not_taken_for_degrees_without_a_question() {
     let degrees = Log::new("q", |time_s| vec![90.0 * time_s]);
     let guess = guess(&degrees.path(), &joints(false)).unwrap();
     assert_eq!(told(&guess, "q").3, Sure::Likely);
+}
+
+#[test]
+fn a_torque_at_a_rotor_without_a_gear_is_the_motors() {
+    let log = Log::new("q1,tau1", |time_s| vec![swing(time_s).0, 1.0]);
+    for (has_rotor, signal) in [
+        (false, Signal::JointTorqueNm),
+        (true, Signal::MotorTorqueNm),
+    ] {
+        let mut joints = guess_joints(&[("elbow", 1.0)]);
+        joints[0].has_rotor = has_rotor;
+        let guess = guess(&log.path(), &joints).unwrap();
+        let (_, found, scale, sure) = told(&guess, "tau1");
+        assert_eq!((found, scale, sure), (signal, 1.0, Sure::Likely));
+    }
 }
 
 #[test]

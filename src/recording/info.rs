@@ -78,6 +78,7 @@ fn read_by_number(file: &Path) -> Result<Recording, CliError> {
         gear_ratio: 1.0,
         // Nothing tells that it may not turn round and round.
         is_limited: false,
+        has_rotor: false,
     };
     let joints: Vec<GuessJoint> = (1..=columns).map(joint).collect();
     let Ok((mut recording, Some(_))) = read_guessing(file, &joints) else {

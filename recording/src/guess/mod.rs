@@ -23,6 +23,8 @@ pub struct GuessJoint {
     pub gear_ratio: f64,
     /// Whether the robot file states a range of positions, so that it cannot turn round and round.
     pub is_limited: bool,
+    /// Whether the robot file states a rotor's inertia, so that its torque is a motor's.
+    pub has_rotor: bool,
 }
 
 /// How sure a guess is.

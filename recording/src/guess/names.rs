@@ -215,15 +215,24 @@ impl<'a> Guesser<'a> {
     }
 }
 
-/// A torque that is told at the joint is, of a geared joint, most likely the motor's times the ratio: sensors are rare.
+/// A torque that is told at the joint is, of a geared joint, most likely the motor's times the ratio: sensors are rare. Where a rotor is
+/// stated that no gear parts from the joint, it is what turns that.
 fn of_the_motor(
     signal: Signal,
     joint: &GuessJoint,
     sure: Sure,
     why: &str,
 ) -> (Signal, f64, Sure, String) {
-    if signal != Signal::JointTorqueNm || joint.gear_ratio == 1.0 {
+    if signal != Signal::JointTorqueNm {
         return (signal, 1.0, sure, why.to_owned());
+    }
+    if joint.gear_ratio == 1.0 {
+        return if joint.has_rotor {
+            let why = format!("{why}; the motor's, as the robot states a rotor (armature)");
+            (Signal::MotorTorqueNm, 1.0, sure, why)
+        } else {
+            (signal, 1.0, sure, why.to_owned())
+        };
     }
     let why = format!(
         "{why}; the motor's seen at the joint, over the gear ratio; for a torque sensor write joint_torque_nm"
