@@ -238,16 +238,48 @@ fn a_joint_that_nothing_explains_has_no_voice_in_what_the_arm_carries() {
     assert!((mass_kg - 1.5).abs() < 0.1, "{mass_kg}");
 }
 
+/// Coulomb friction of a joint, and in how many times the recorded torque.
+fn rubs(report: &Report, joint: usize) -> [f64; 2] {
+    let joint = &report.joints[joint];
+    let mut effects = joint.effects.iter();
+    let coulomb = effects.find(|found| found.effect == "coulomb_friction");
+    let coulomb_nm = coulomb.unwrap().parameters["coulomb_nm"].value;
+    [coulomb_nm, joint.torque.unwrap().unit]
+}
+
 #[test]
-fn a_torque_in_another_unit_says_nothing_of_what_the_arm_carries() {
+fn masses_that_do_not_fit_one_torque_are_wrong_where_others_fit_theirs() {
     let report = told_of(&robot(), [1.0, 1.0, 0.2]);
     assert!(report.shared_effects.is_empty());
     let warned = report.data.iter().any(|finding| {
-        finding.joint.as_deref() == Some("elbow") && finding.what.contains("times what the file")
+        finding.joint.as_deref() == Some("elbow")
+            && finding.what.contains("as if its masses were 0.2")
     });
     assert!(warned, "{:?}", report.data);
-    let shoulder = &report.joints[1];
-    assert_eq!(shoulder.effects[0].effect, "coulomb_friction");
+    let [coulomb_nm, unit] = rubs(&report, 2);
+    assert!((coulomb_nm - 0.4).abs() < 0.05, "{coulomb_nm}");
+    assert!((unit - 1.0).abs() < 1e-12, "{unit}");
+    assert!((rubs(&report, 1)[0] - 2.0).abs() < 0.1);
+}
+
+#[test]
+fn torques_that_fit_no_joints_masses_are_in_another_unit() {
+    let report = told_of(&robot(), [0.2; 3]);
+    for joint in 0..JOINTS.len() {
+        let [coulomb_nm, unit] = rubs(&report, joint);
+        assert!((unit / 5.0 - 1.0).abs() < 0.05, "{unit}");
+        assert!((coulomb_nm - 2.0).abs() < 0.1, "{coulomb_nm}");
+    }
+}
+
+#[test]
+fn a_reversed_torque_is_seen_by_its_inertia_where_nothing_rubs() {
+    let report = told_when(&robot(), |_, torque_nm, velocity_rad_s| {
+        2.0 * velocity_rad_s.signum() - torque_nm
+    });
+    for joint in &report.joints {
+        assert!(joint.reason.contains("reversed"), "{}", joint.reason);
+    }
 }
 
 #[test]
@@ -315,7 +347,7 @@ fn one_delay_of_all_references_is_a_warning_and_no_name() {
             .collect()
     };
     assert!(delays_ms(&told_without_torques(0)).is_empty());
-    let late = told_without_torques(10);
+    let late = told_without_torques(15);
     let [delay_ms] = delays_ms(&late)[..] else {
         panic!("{:?}", late.data);
     };

@@ -16,6 +16,8 @@ use crate::signal::band::COMPARED_HZ;
 
 /// Part of the torque that nobody can tell: torque transducers and current sensors of class 0.5 are linear to half a per cent.
 const LINEAR: f64 = 0.005;
+/// A value is certain by so many nats: three standard deviations.
+const CERTAIN_NATS: f64 = 0.5 * DEVIATIONS * DEVIATIONS;
 /// Part of the torque by which a command may differ from it without a word.
 const COMMAND_TOLD: f64 = 0.05;
 
@@ -30,17 +32,28 @@ pub struct Joint {
     pub rows: JointRows,
     /// What the robot file needs of it beyond the rigid bodies.
     pub drive: Drive,
-    /// Its torque's unit, where that is none that a torque constant's error could make.
-    pub unit: Option<Unit>,
+    /// How torque and masses miss each other, where that is by more than a torque constant's error could make.
+    pub misfit: Option<Misfit>,
 }
 
-/// A torque's unit.
+/// By how much a joint's masses need another torque than is recorded.
 #[derive(Clone, Copy, Debug)]
-pub struct Unit {
-    /// In N m.
-    size_nm: f64,
-    /// By which it explains more than names without it, and other masses.
+pub struct Misfit {
+    /// Of what is recorded.
+    needed: f64,
+    /// By which that explains more than names without it, and other masses at the arm's end.
     ahead_nats: f64,
+    /// Which of the two is taken to be wrong.
+    of: Wrong,
+}
+
+/// What a misfit is put down to: no motion of one joint tells them apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wrong {
+    /// Torques are in no joint's N m.
+    Unit,
+    /// Other joints' torques are in N m.
+    Masses,
 }
 
 /// A joint's sets of names, without and with a shared cause.
@@ -210,9 +223,9 @@ impl Joint {
         )
     }
 
-    /// Searched without a shared cause, and from then on in another unit of torque, if that explains more than names do, or other masses
-    /// would, by three standard deviations. Where masses and friction need another torque by a factor that no torque constant is off by, the factor is unknown and beside
-    /// every set. `alone`: searched as it was recorded.
+    /// Searched without a shared cause, and from then on in another unit of torque, if that explains more than names do, or other masses at
+    /// the arm's end would, for certain. Where masses and friction need another torque by a factor that no torque constant is off by, the
+    /// factor is unknown and beside every set. `alone`: searched as it was recorded.
     pub fn in_another_unit(&self, alone: &Searched) -> Option<(Self, Searched)> {
         // what is reckoned from the file's own gains has the file's unit
         if self.source == TorqueSource::Controller {
@@ -231,27 +244,56 @@ impl Joint {
             columns: self.rows.payload.clone(),
             message: arm::prior(&[Cause::Payload]),
         }));
-        // a torque that does not follow what is needed at all follows it in no unit
+        let ahead_nats = [
+            searched.ahead_of(alone, size_nm),
+            searched.ahead_of(&other_masses, size_nm) + masses_cost,
+            self.follows_need(&searched, size_nm),
+        ];
+        let ahead_nats = ahead_nats.into_iter().fold(f64::INFINITY, f64::min);
+        let misfit = Some(Misfit {
+            needed: size_nm,
+            ahead_nats,
+            of: Wrong::Unit,
+        });
+        (ahead_nats >= CERTAIN_NATS).then(|| (Self { misfit, ..other }, searched))
+    }
+
+    /// Nats by which names of a torque in a unit are better than those of one that follows no masses at all: such a one follows them in no
+    /// unit.
+    fn follows_need(&self, searched: &Searched, size_nm: f64) -> f64 {
         let without = Self {
             rows: self.rows.without_need(size_nm),
             ..self.clone()
         };
-        let ahead_nats = [
-            searched.ahead_of(alone, size_nm),
-            searched.ahead_of(&other_masses, size_nm) + masses_cost,
-            searched.ahead_of(&without.searched(None), 1.0),
-        ];
-        let ahead_nats = ahead_nats.into_iter().fold(f64::INFINITY, f64::min);
-        let unit = Some(Unit {
-            size_nm,
-            ahead_nats,
-        });
-        (ahead_nats >= 0.5 * DEVIATIONS.powi(2)).then(|| (Self { unit, ..other }, searched))
+        searched.ahead_of(&without.searched(None), 1.0)
+    }
+
+    /// Whether its torque, as it was recorded, follows what the file's masses need.
+    pub fn is_in_newton_metres(&self, alone: &Searched) -> bool {
+        let needs = !self.rows.columns(Law::TorqueConstant).is_empty();
+        needs && self.follows_need(alone, 1.0) >= CERTAIN_NATS
+    }
+
+    /// The joint as it was recorded, with masses that need its torque: what a unit explains of one whose friction nobody measured, other
+    /// masses do as well.
+    pub fn with_masses_for(&self, other: &Self) -> Option<(Self, Searched)> {
+        let misfit = other.misfit.filter(|_| self.drive.rubs_unmeasured())?;
+        let joint = Self {
+            rows: self.rows.with_masses(misfit.needed.recip()),
+            misfit: Some(Misfit {
+                of: Wrong::Masses,
+                ..misfit
+            }),
+            ..self.clone()
+        };
+        let searched = joint.searched(None);
+        Some((joint, searched))
     }
 
     /// The torque's unit, in N m as recorded.
     pub fn unit_nm(&self) -> f64 {
-        self.unit.map_or(1.0, |unit| unit.size_nm)
+        let in_unit = self.misfit.filter(|misfit| misfit.of == Wrong::Unit);
+        in_unit.map_or(1.0, |misfit| misfit.needed)
     }
 
     fn at_another_size(&self) -> Option<(Self, Searched, f64)> {
@@ -278,26 +320,43 @@ impl Joint {
         found
     }
 
-    /// What a reader should know of the torque's unit.
-    pub fn note_of_unit(&self, name: &str) -> Option<DataFinding> {
-        let Unit {
-            size_nm,
+    /// What a reader should know of a torque that its masses do not need.
+    pub fn note_of_misfit(&self, name: &str) -> Option<DataFinding> {
+        let Misfit {
+            needed,
             ahead_nats,
-        } = self.unit?;
+            of,
+        } = self.misfit?;
         let signal = self.source.signal_name();
+        let (judged, remedy) = match of {
+            Wrong::Unit => (
+                format!("as if its torque were {needed:.3} times as large"),
+                format!(
+                    "in the mapping file, [joint.{name}], {signal}: check its scale (amperes, per cent, gear side); if that is right, the \
+                     file's masses are {needed:.3} times the robot's"
+                ),
+            ),
+            Wrong::Masses => (
+                format!(
+                    "in the torque as it was recorded, for other joints' torques fit their masses, and as if its masses were {:.3} of the \
+                     file's",
+                    needed.recip()
+                ),
+                format!(
+                    "check masses and centres of the links that it carries; if they are right, in the mapping file, [joint.{name}], \
+                     {signal}: multiply its scale by {needed:.3}"
+                ),
+            ),
+        };
         Some(DataFinding {
             joint: Some(name.to_owned()),
             severity: "warning".to_owned(),
             what: format!(
-                "{signal} is {:.2} times what the file's masses and friction need, by {ahead_nats:.0} nats a better explanation than any names \
-                 or masses; no torque constant is so far off. The joint is judged as if its torque were {size_nm:.3} times as large",
-                size_nm.recip()
+                "{signal} is {:.3} times what the file's masses and friction need, by {ahead_nats:.0} nats a better explanation than any \
+                 names; no torque constant is so far off. The joint is judged {judged}",
+                needed.recip()
             ),
-            remedy: format!(
-                "in the mapping file, [joint.{name}], {signal}: check its scale (amperes, per cent, gear side); if that is right, the file's \
-                 masses are {:.2} times the robot's",
-                size_nm
-            ),
+            remedy,
         })
     }
 

@@ -142,13 +142,14 @@ pub fn diagnose(
                 of_joints.insert(file.name.clone(), share);
             }
             report.data.extend(joint.notes(robot));
-            report.data.extend(joint.note_of_unit(&file.name));
+            report.data.extend(joint.note_of_misfit(&file.name));
             traces.push(traces_of(&file.name, &joint.rows, &said.fit));
             let mut told = said.report;
             told.torque = Some(joint.torque(&told));
             report.data.extend(joint.note_of_file(&told));
             report.data.extend(note_of_scale(&told));
             report.data.extend(note_of_sensor(&told));
+            report.data.extend(note_of_its_friction(&told));
             report.joints.push(told);
         }
         report.shared_effects = shared
@@ -202,6 +203,27 @@ fn note_of_scale(told: &JointReport) -> Option<DataFinding> {
              `flexspline gap apply` writes those"
         ),
         remedy: String::new(),
+    })
+}
+
+/// That a torque feels what no sensor behind the gear does.
+fn note_of_its_friction(told: &JointReport) -> Option<DataFinding> {
+    let is_of_sensor = told
+        .torque
+        .is_some_and(|torque| torque.source == TorqueSource::Sensor);
+    let rubs = [EffectKind::CoulombFriction, EffectKind::ViscousFriction];
+    let rubs = rubs.map(EffectKind::name);
+    let mut named = told.effects.iter();
+    let feels = named.any(|found| rubs.contains(&&*found.effect));
+    (is_of_sensor && feels).then(|| DataFinding {
+        joint: Some(told.joint.clone()),
+        severity: "note".to_owned(),
+        what: "joint_torque_nm feels friction, which a sensor behind the gear does not: it may be the motor's torque, as seen at the joint"
+            .to_owned(),
+        remedy: format!(
+            "if no sensor measured it, in the mapping file, [joint.{}]: call it motor_torque_nm, its scale over the gear ratio",
+            told.joint
+        ),
     })
 }
 
@@ -306,11 +328,15 @@ fn said(
     let both = joints.iter().zip(alone).zip(&found.with).enumerate();
     both.on_all_cores(|(place, ((joint, alone), with))| {
         let best = with.as_ref().unwrap_or(alone);
+        let names = best.sets[0].names;
+        let mut laws = joint.rows.laws.iter().enumerate();
+        let rubs = laws.any(|(place, (law, _))| names & 1 << place != 0 && law.is_expected());
         let called = Laws {
             all: joint.rows.laws.iter().map(|(law, _)| *law).collect(),
             told: laws::Told {
                 model: joint.drive.model(),
-                feels_rotor: joint.source != TorqueSource::Sensor,
+                // what feels a gear's friction is before it, whatever it is called
+                feels_rotor: joint.source != TorqueSource::Sensor || rubs,
                 mean_rad: joint.rows.mean_rad,
             },
         };
@@ -370,7 +396,7 @@ fn joints(robot: &Robot, read: &[Read], pieces: &[Piece]) -> Result<Vec<Joint>, 
                 index,
                 source,
                 drive: Drive::of(robot, index, source),
-                unit: None,
+                misfit: None,
                 rows,
             }))
         })

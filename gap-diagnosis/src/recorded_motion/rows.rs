@@ -248,6 +248,23 @@ impl JointRows {
         rows
     }
 
+    /// The same with masses that need so many times the file's torque, as exactly unknown.
+    pub fn with_masses(&self, factor: f64) -> Self {
+        let mut rows = self.in_unit(1.0);
+        let seen = [&mut rows.seen.nominal_nm, &mut rows.rigid_nm].into_iter();
+        let all = seen
+            .chain(&mut rows.tolerated)
+            .chain(rows.untold.first_mut())
+            .chain(&mut rows.payload)
+            .chain(&mut rows.tip)
+            .chain(&mut rows.tilt);
+        let in_proportion = rows.laws.iter_mut();
+        let in_proportion = in_proportion.filter(|(law, _)| *law == Law::LoadDependent);
+        let all = all.chain(in_proportion.flat_map(|(_, columns)| columns));
+        all.flatten().for_each(|torque| *torque *= factor);
+        rows
+    }
+
     /// Columns of a payload that is about at a place. Its inertia is quadratic in the first moment and inverse in the mass; as both grow
     /// together it does too, so that its slopes alone make it (Euler), without a constant.
     pub fn payload_at(&self, centre_m: [f64; 3]) -> Vec<Vec<f64>> {

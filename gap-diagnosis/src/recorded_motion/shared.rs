@@ -64,6 +64,7 @@ pub fn searched(
         })
         .unzip();
     let recorded = Arm { joints, alone };
+    let others = at_fault(&recorded, others);
     let arms = if others.iter().any(Option::is_some) {
         let same = recorded.joints.iter().zip(&recorded.alone);
         let (joints, alone) = same
@@ -88,6 +89,31 @@ pub fn searched(
         nats: 0.0,
     });
     (arms, all)
+}
+
+/// Puts a misfit of torque and masses down to one of them: torques of one log are in one unit, so that where a joint tells N m the others
+/// have them too.
+fn at_fault(
+    recorded: &Arm,
+    others: Vec<Option<(Joint, Searched)>>,
+) -> Vec<Option<(Joint, Searched)>> {
+    if others.iter().all(Option::is_none) {
+        return others;
+    }
+    let each = || recorded.joints.iter().zip(&recorded.alone).zip(&others);
+    let tells = each().on_all_cores(|((joint, alone), other): ((&Joint, &Searched), _)| {
+        other.is_none() && joint.is_in_newton_metres(alone)
+    });
+    if !tells.collect::<Vec<bool>>().contains(&true) {
+        return others;
+    }
+    let joints = recorded.joints.iter().zip(others);
+    joints
+        .on_all_cores(|(joint, other)| {
+            let other = other?;
+            joint.with_masses_for(&other.0).or(Some(other))
+        })
+        .collect()
 }
 
 /// A delay of all references that tells the joints better than what is told of them.
@@ -131,7 +157,7 @@ pub fn probability(cause: Cause, all: &[Found]) -> f64 {
 /// they are not worth their cost.
 fn beside(robot: &Robot, arms: &[Arm], arm: usize, causes: &[Cause]) -> Option<Found> {
     let joints = &arms[arm].joints;
-    // a torque in another unit tells nothing of what the arm carries
+    // a torque that its masses do not need tells nothing of what the arm carries
     let mut gravity = Gravity::of(robot);
     let sees: Vec<bool> = joints
         .iter()
@@ -141,7 +167,7 @@ fn beside(robot: &Robot, arms: &[Arm], arm: usize, causes: &[Cause]) -> Option<F
                 let mut values = columns.iter().flatten();
                 !columns.is_empty() && values.any(|x| x.abs() > f64::EPSILON)
             };
-            joint.unit.is_none() && causes.iter().all(shows)
+            joint.misfit.is_none() && causes.iter().all(shows)
         })
         .collect();
     if sees.iter().filter(|sees| **sees).count() < 2 {

@@ -23,9 +23,41 @@ pub enum Sign {
     Untold,
 }
 
+/// Squares of a torque that masses and friction take, each beyond all else, with their signs.
+struct Parts {
+    masses: f64,
+    friction: f64,
+    /// What both leave of parts of the motion that they were not fitted to.
+    left: f64,
+}
+
+impl Parts {
+    fn sign(&self) -> Sign {
+        let is_clear = (self.masses + self.friction).abs() > CLEAR * self.left;
+        if is_clear && self.masses <= 0.0 && self.friction <= 0.0 {
+            Sign::Reversed
+        } else if is_clear && self.masses >= 0.0 && self.friction >= 0.0 {
+            Sign::Right
+        } else {
+            Sign::Untold
+        }
+    }
+
+    /// Without friction, where that takes less than nothing explains.
+    fn heard(self) -> Self {
+        let friction = if self.friction.abs() > self.left {
+            self.friction
+        } else {
+            0.0
+        };
+        Self { friction, ..self }
+    }
+}
+
 impl JointRows {
     /// Which way the torque goes, where both friction and what the rigid bodies need of it tell it clearly; or, as masses may be any,
-    /// friction and the inertia that the torque shows, beside gravity however strong.
+    /// friction and the inertia that the torque shows, beside gravity however strong. Inertia alone tells it where there is no friction to
+    /// speak of: nothing has less than none.
     pub fn sign(&self) -> Sign {
         let [slip, acceleration] =
             [Law::Coulomb, Law::Inertia].map(|law| self.columns(law).first());
@@ -35,18 +67,19 @@ impl JointRows {
         let ones = vec![1.0; slip.len()];
         let mean_nm = self.rigid_nm.iter().sum::<f64>() / slip.len().max(1) as f64;
         let rigid: Vec<f64> = self.rigid_nm.iter().map(|x| x - mean_nm).collect();
-        let by_masses = self.told_by(&rigid, slip, &[&ones]);
+        let sign = |parts: Option<Parts>| parts.map_or(Sign::Untold, |parts| parts.sign());
+        let by_masses = sign(self.parts(&rigid, slip, &[&ones]));
         if by_masses != Sign::Untold {
             return by_masses;
         }
         let gravity = self.columns(Law::Gravity).iter();
         let beside: Vec<&Vec<f64>> = std::iter::once(&ones).chain(gravity).collect();
-        self.told_by(acceleration, slip, &beside)
+        sign(self.parts(acceleration, slip, &beside).map(Parts::heard))
     }
 
-    /// By the signs of what moves masses and of friction, beside other columns (least squares), against what they leave of parts of the
-    /// motion that they were not fitted to.
-    fn told_by(&self, masses: &[f64], slip: &[f64], beside: &[&Vec<f64>]) -> Sign {
+    /// What moves masses, and friction, beside other columns (least squares); none where they are alike, or friction brakes at one speed and
+    /// drives at another.
+    fn parts(&self, masses: &[f64], slip: &[f64], beside: &[&Vec<f64>]) -> Option<Parts> {
         let of = [masses, slip, &self.seen.velocity_rad_s].into_iter();
         let of: Vec<&[f64]> = of.chain(beside.iter().map(|column| &column[..])).collect();
         let rows = slip.len();
@@ -59,18 +92,14 @@ impl JointRows {
         let parts: Vec<_> = (0..PARTS).map(products).collect();
         let gram: DMatrix<f64> = parts.iter().map(|(gram, ..)| gram).sum();
         let vector: DVector<f64> = parts.iter().map(|(_, vector, _)| vector).sum();
-        let Some(solved) = gram.clone().cholesky() else {
-            return Sign::Untold;
-        };
+        let solved = gram.clone().cholesky()?;
         let values = solved.solve(&vector);
         let beyond = solved.inverse();
         let left = parts.iter().map(|(own, own_vector, square)| {
             let others = (&gram - own).cholesky()?.solve(&(&vector - own_vector));
             Some(square - 2.0 * others.dot(own_vector) + others.dot(&(own * &others)))
         });
-        let Some(left) = left.sum::<Option<f64>>() else {
-            return Sign::Untold;
-        };
+        let left = left.sum::<Option<f64>>()?;
         // what columns take beyond all others: on a motion one way an offset looks like friction
         let part = |columns: Range<usize>| {
             let (from, count) = (columns.start, columns.len());
@@ -79,22 +108,14 @@ impl JointRows {
             let with = own.cholesky()?.solve(&values);
             Some(values.dot(&with))
         };
-        let (Some(masses), Some(friction)) = (part(0..1), part(1..3)) else {
-            return Sign::Untold;
-        };
+        let (masses, friction) = (part(0..1)?, part(1..3)?);
         // what brakes at one speed and drives at another is no friction
         let [slow, fast] = [values[1], values[1] + values[2] * self.speed_rad_s];
-        if slow * fast <= 0.0 {
-            return Sign::Untold;
-        }
-        let (masses, friction) = (masses.copysign(values[0]), friction.copysign(slow));
-        let is_clear = (masses + friction).abs() > CLEAR * left;
-        if is_clear && masses <= 0.0 && friction <= 0.0 {
-            Sign::Reversed
-        } else if is_clear && masses >= 0.0 && friction >= 0.0 {
-            Sign::Right
-        } else {
-            Sign::Untold
-        }
+        let is_friction = slow * fast > 0.0 || friction < left;
+        is_friction.then(|| Parts {
+            masses: masses.copysign(values[0]),
+            friction: friction.copysign(slow),
+            left,
+        })
     }
 }
