@@ -160,6 +160,40 @@ fn effects_are_written_where_a_simulator_reads_them_and_the_rest_is_told_with_it
 }
 
 #[test]
+fn friction_is_what_the_format_can_say_where_it_cannot_say_all() {
+    let bench = bench("plain_friction");
+    let effects = [
+        ("coulomb_friction", "coulomb_nm", 3.0, 0.4),
+        ("viscous_friction", "viscous_nm_s_rad", 4.0, 0.3),
+        ("quadratic_friction", "quadratic_nm_s2_rad2", -0.5, 0.2),
+    ];
+    report(&bench, &effects, 0.1);
+    let mut with_plain = json(&bench, "report.json");
+    with_plain["joints"][0]["plain_friction"] = serde_json::json!({
+        "coulomb_nm": 3.5, "viscous_nm_s_rad": 2.5, "torque_rms_nm": 0.25
+    });
+    fs::write(bench.file("report.json"), with_plain.to_string()).unwrap();
+    let apply = "gap apply --report report.json --robot";
+    let told = works(
+        &bench,
+        &format!("{apply} arm.urdf --format urdf --out new.urdf"),
+    );
+    assert!(told.contains("0.250 Nm rms instead of 0.100 Nm"), "{told}");
+    let new = fs::read_to_string(bench.file("new.urdf")).unwrap();
+    assert!(
+        new.contains("damping=\"2.5\"") && new.contains("friction=\"3.5\""),
+        "{new}"
+    );
+    // MuJoCo has a second number of damping
+    works(
+        &bench,
+        &format!("{apply} arm.xml --format mjcf --out new.xml"),
+    );
+    let new = fs::read_to_string(bench.file("new.xml")).unwrap();
+    assert!(new.contains("frictionloss=\"3\""), "{new}");
+}
+
+#[test]
 fn a_robot_file_that_leaves_the_joints_to_its_description_gets_their_tables() {
     let bench = bench("no_tables");
     report(&bench, &[("coulomb_friction", "coulomb_nm", 3.0, 0.9)], 0.1);

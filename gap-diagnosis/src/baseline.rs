@@ -197,5 +197,6 @@ fn told(name: &str, search: &Search<'_>, choices: Vec<Choice>) -> JointReport {
         remaining_share: 1.0,
         remaining_over: Vec::new(),
         torque: None,
+        plain_friction: None,
     }
 }

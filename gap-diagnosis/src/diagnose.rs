@@ -171,5 +171,6 @@ pub(crate) fn insufficient(joint: &str, why: String) -> JointReport {
         remaining_share: 1.0,
         remaining_over: Vec::new(),
         torque: None,
+        plain_friction: None,
     }
 }

@@ -310,6 +310,20 @@ pub struct JointReport {
     /// What was taken for its torque, where that is one signal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub torque: Option<JointTorque>,
+    /// Where other friction is named too: what a file can hold that says Coulomb and viscous friction only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plain_friction: Option<PlainFriction>,
+}
+
+/// Coulomb and viscous friction in the place of all that is named of friction, the other names beside them; as changes against the file.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlainFriction {
+    /// Joint side.
+    pub coulomb_nm: f64,
+    /// Joint side.
+    pub viscous_nm_s_rad: f64,
+    /// What they leave, held out.
+    pub torque_rms_nm: f64,
 }
 
 /// What was taken for a joint's torque.

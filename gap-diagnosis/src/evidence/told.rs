@@ -12,9 +12,9 @@ use super::{DEVIATIONS, ERRORS, Evidence, Fit, NAME_NATS, Names, Scored};
 use crate::effects::numbers::{numbers, side};
 use crate::report::{
     BandShare, BeforeAfter, Candidate, Confusable, Gap, JointReport, NamedEffect, Parameter,
-    Regime, Remaining, Remains, RemainsOver, SignalGap, Verdict, Where,
+    PlainFriction, Regime, Remaining, Remains, RemainsOver, SignalGap, Verdict, Where,
 };
-use robot::Stage;
+use robot::{EffectKind, Part, Stage};
 
 /// Share of the gap below which an effect is a minor one, unless the reader wants another.
 pub const MATERIALITY: f64 = 0.02;
@@ -247,12 +247,45 @@ impl Found<'_> {
             remaining_share: shares.remaining.value,
             remaining_over,
             torque: None,
+            plain_friction: self.plain_friction(best.names),
         };
         Said {
             report,
             shared,
             fit,
         }
+    }
+
+    /// Coulomb and viscous friction in the place of all friction of a set, where it has any other.
+    fn plain_friction(&self, names: Names) -> Option<PlainFriction> {
+        let kind = |item: usize| self.called.effect(item, &[]).kind();
+        let items = || (0..self.called.items()).filter(|item| kind(*item).part() == Part::Friction);
+        let plain = [EffectKind::CoulombFriction, EffectKind::ViscousFriction];
+        let of_plain = plain.map(|plain| items().find(|item| kind(*item) == plain));
+        let [Some(coulomb), Some(viscous)] = of_plain else {
+            return None;
+        };
+        let bits = |items: &mut dyn Iterator<Item = usize>| {
+            items.fold(0, |names: Names, item| names | 1 << item)
+        };
+        let plain = bits(&mut [coulomb, viscous].into_iter());
+        let friction = bits(&mut items());
+        if names & friction & !plain == 0 {
+            return None;
+        }
+        let names = names & !friction | plain;
+        let fit = self.evidence.fit(names);
+        let value = |item: usize| -> Option<f64> {
+            let mut all = fit.amplitudes.iter();
+            let (_, amplitudes) = all.find(|(other, _)| *other == item)?;
+            let told = numbers(&self.called.effect(item, amplitudes));
+            told.values().next().copied()
+        };
+        Some(PlainFriction {
+            coulomb_nm: value(coulomb)?,
+            viscous_nm_s_rad: value(viscous)?,
+            torque_rms_nm: self.evidence.mean_squares(names)[0].sqrt(),
+        })
     }
 
     /// Probability of each set, by its score.
@@ -461,7 +494,11 @@ impl Found<'_> {
     fn gap(&self, best: &Scored, shares: &Shares, gap_nm: &[f64], above: f64) -> Gap {
         let rows = self.rows.count().max(1) as f64;
         let before = gap_nm.iter().map(|x| x * x).sum::<f64>() / rows;
-        let after = best.left.iter().sum::<f64>() / rows;
+        let mut after = best.left.iter().sum::<f64>() / rows;
+        if best.names == 0 && self.shared.is_empty() {
+            // other values of the file that leave more than it does as it is are not taken
+            after = after.min(before);
+        }
         let noise = self.noise_square / rows;
         let shrink = |after: f64| {
             if before > noise {

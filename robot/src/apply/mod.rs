@@ -13,7 +13,7 @@ use crate::description::Description;
 use crate::error::RobotError;
 use crate::file::RobotFile;
 use crate::robot::load_raw;
-use crate::{Effect, Part, Robot, RobotJoint, Source};
+use crate::{Effect, EffectKind, Part, Robot, RobotJoint, Source};
 
 /// Whose file is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +33,15 @@ impl Simulator {
             Self::Mjcf => "MJCF",
             Self::Urdf => "URDF",
             Self::IsaacLab => "Isaac Lab",
+        }
+    }
+
+    /// Whether it has words for a law of friction.
+    pub fn says_friction(self, kind: EffectKind) -> bool {
+        match kind {
+            EffectKind::CoulombFriction | EffectKind::ViscousFriction => true,
+            EffectKind::QuadraticFriction => self == Self::Mjcf,
+            _ => false,
         }
     }
 

@@ -4,8 +4,8 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use gap_diagnosis::report::Report;
-use robot::{Effect, Outcome, Simulator, SimulatorFile};
+use gap_diagnosis::report::{JointReport, Report};
+use robot::{Effect, EffectKind, Outcome, Part, Simulator, SimulatorFile};
 use serde::Serialize;
 
 use super::{OF_SENSOR, check_name, effects_of, names_nothing, to_effect};
@@ -89,7 +89,10 @@ pub fn apply(
         .map_err(CliError::input)?;
     let refuse =
         |reason: String| CliError::Input(format!("{}: {reason}", arguments.report.display()));
-    let effects = add_all(&mut file, report, &|name| robot.joint_index(name)).map_err(refuse)?;
+    let effects = add_all((&mut file, simulator), report, &|name| {
+        robot.joint_index(name)
+    })
+    .map_err(refuse)?;
     if effects.is_empty() {
         return Err(names_nothing(&report_name, report));
     }
@@ -127,59 +130,132 @@ pub fn apply(
     ))
 }
 
-/// Adds every effect that the report names, those of the whole arm first.
-fn add_all(
-    file: &mut SimulatorFile,
-    report: &Report,
-    index: &dyn Fn(&str) -> Option<usize>,
-) -> Result<Vec<Said>, String> {
-    let mut all = Vec::new();
-    let mut add = |joint: Option<&str>, effect: &Effect, share: f64| {
-        let outcome = file.add(joint.and_then(index), effect);
+/// A file and what became of every effect that was to be added to it.
+struct Adding<'a> {
+    file: &'a mut SimulatorFile,
+    simulator: Simulator,
+    index: &'a dyn Fn(&str) -> Option<usize>,
+    all: Vec<Said>,
+}
+
+impl Adding<'_> {
+    /// Adds an effect, of the whole arm if of no joint. Whether anything of it can be said.
+    fn add(&mut self, joint: Option<&str>, effect: &Effect, share: f64) -> bool {
+        let outcome = self.file.add(joint.and_then(self.index), effect);
         let (done, cannot_say) = match outcome {
             Outcome::Written(done) => (Some(done), None),
             Outcome::InPart(done, missing) => (Some(done), Some(missing)),
             Outcome::Cannot(why) => (None, Some(why)),
         };
-        all.push(Said {
+        let is_said = done.is_some();
+        self.all.push(Said {
             joint: joint.map(str::to_owned),
             effect: effect.name(),
             share,
             done,
             cannot_say,
         });
+        is_said
+    }
+
+    /// Tells of an effect that is left out.
+    fn leave(&mut self, joint: &str, effect: &Effect, share: f64, why: &str) {
+        self.all.push(Said {
+            joint: Some(joint.to_owned()),
+            effect: effect.name(),
+            share,
+            done: None,
+            cannot_say: Some(why.to_owned()),
+        });
+    }
+
+    /// A joint's own effects. What corrects Coulomb and viscous friction was fitted beside them: where one of it cannot be said, they are
+    /// written as they are without any.
+    fn add_joint(&mut self, joint: &JointReport) -> Result<(), String> {
+        let name = &joint.joint;
+        let effects = effects_of(joint)?;
+        let corrects =
+            |effect: &Effect| effect.kind().part() == Part::Friction && !is_plain(effect);
+        let lacks_one = effects
+            .iter()
+            .any(|(_, effect)| corrects(effect) && !self.simulator.says_friction(effect.kind()));
+        let plain = joint.plain_friction.filter(|_| lacks_one);
+        let share = |kind: EffectKind| {
+            let mut own = effects.iter().filter(|(_, effect)| effect.kind() == kind);
+            own.next().map_or(0.0, |(found, _)| found.share)
+        };
+        if let Some(plain) = plain {
+            let factor = joint.motor_per_recorded();
+            for effect in [
+                Effect::CoulombFriction {
+                    coulomb_nm: factor * plain.coulomb_nm,
+                },
+                Effect::ViscousFriction {
+                    viscous_nm_s_rad: factor * plain.viscous_nm_s_rad,
+                },
+            ] {
+                self.add(Some(name), &effect, share(effect.kind()));
+            }
+        }
+        for (found, effect) in &effects {
+            match plain {
+                Some(_) if is_plain(effect) => {}
+                Some(plain) if corrects(effect) => {
+                    let why = format!(
+                        "Coulomb and viscous friction are those that leave least without it, {:.3} Nm rms instead of {:.3} Nm",
+                        plain.torque_rms_nm, joint.gap.torque_rms_nm.after
+                    );
+                    self.leave(name, effect, found.share, &why);
+                }
+                _ => {
+                    self.add(Some(name), effect, found.share);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn is_plain(effect: &Effect) -> bool {
+    let plain = [EffectKind::CoulombFriction, EffectKind::ViscousFriction];
+    plain.contains(&effect.kind())
+}
+
+/// Adds every effect that the report names, those of the whole arm first.
+fn add_all(
+    (file, simulator): (&mut SimulatorFile, Simulator),
+    report: &Report,
+    index: &dyn Fn(&str) -> Option<usize>,
+) -> Result<Vec<Said>, String> {
+    let mut adding = Adding {
+        file,
+        simulator,
+        index,
+        all: Vec::new(),
     };
     for shared in &report.shared_effects {
         let effect = to_effect(&shared.effect)?;
         if effect.may_be_shared() {
-            add(None, &effect, shared.effect.share);
+            adding.add(None, &effect, shared.effect.share);
             continue;
         }
         for joint in &shared.joints {
             let share = shared.joint_shares.get(joint);
-            add(Some(joint), &effect, share.map_or(0.0, |share| share.share));
+            adding.add(Some(joint), &effect, share.map_or(0.0, |share| share.share));
         }
     }
     for joint in &report.joints {
-        for (found, effect) in effects_of(joint)? {
-            add(Some(&joint.joint), &effect, found.share);
-        }
+        adding.add_joint(joint)?;
     }
     for joint in &report.joints {
         for found in joint
             .named()
             .filter(|found| joint.is_of_sensor(&found.effect))
         {
-            all.push(Said {
-                joint: Some(joint.joint.clone()),
-                effect: to_effect(found)?.name(),
-                share: found.share,
-                done: None,
-                cannot_say: Some(OF_SENSOR.to_owned()),
-            });
+            adding.leave(&joint.joint, &to_effect(found)?, found.share, OF_SENSOR);
         }
     }
-    Ok(all)
+    Ok(adding.all)
 }
 
 /// How much of each joint's gap is in the file; of joints that have one.
