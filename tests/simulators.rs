@@ -179,6 +179,11 @@ fn friction_is_what_the_format_can_say_where_it_cannot_say_all() {
         &format!("{apply} arm.urdf --format urdf --out new.urdf"),
     );
     assert!(told.contains("0.250 Nm rms instead of 0.100 Nm"), "{told}");
+    // 0.25 and 0.1 of 1 Nm rms
+    assert!(
+        told.contains("shoulder: 85 % of the gap is written, 5.2 % cannot be said in URDF"),
+        "{told}"
+    );
     let new = fs::read_to_string(bench.file("new.urdf")).unwrap();
     assert!(
         new.contains("damping=\"2.5\"") && new.contains("friction=\"3.5\""),

@@ -174,46 +174,56 @@ impl Adding<'_> {
     fn add_joint(&mut self, joint: &JointReport) -> Result<(), String> {
         let name = &joint.joint;
         let effects = effects_of(joint)?;
-        let corrects =
-            |effect: &Effect| effect.kind().part() == Part::Friction && !is_plain(effect);
         let lacks_one = effects
             .iter()
             .any(|(_, effect)| corrects(effect) && !self.simulator.says_friction(effect.kind()));
-        let plain = joint.plain_friction.filter(|_| lacks_one);
-        let share = |kind: EffectKind| {
-            let mut own = effects.iter().filter(|(_, effect)| effect.kind() == kind);
-            own.next().map_or(0.0, |(found, _)| found.share)
-        };
-        if let Some(plain) = plain {
-            let factor = joint.motor_per_recorded();
-            for effect in [
-                Effect::CoulombFriction {
-                    coulomb_nm: factor * plain.coulomb_nm,
-                },
-                Effect::ViscousFriction {
-                    viscous_nm_s_rad: factor * plain.viscous_nm_s_rad,
-                },
-            ] {
-                self.add(Some(name), &effect, share(effect.kind()));
+        let Some(plain) = joint.plain_friction.filter(|_| lacks_one) else {
+            for (found, effect) in &effects {
+                self.add(Some(name), effect, found.share);
             }
+            return Ok(());
+        };
+        let torque_nm = joint.gap.torque_rms_nm;
+        let square = |nm: f64| (nm / torque_nm.before).powi(2);
+        let lost = (square(plain.torque_rms_nm) - square(torque_nm.after)).max(0.0);
+        let sum = |is_one: fn(&Effect) -> bool| -> f64 {
+            let own = effects.iter().filter(|(_, effect)| is_one(effect));
+            own.map(|(found, _)| found.share).sum()
+        };
+        // what the corrections take, the others take without them, but for this
+        let taken = sum(corrects) + sum(is_plain) - lost;
+        let corrections = effects.iter().filter(|(_, effect)| corrects(effect));
+        let lost_each = lost / corrections.count() as f64;
+        let factor = joint.motor_per_recorded();
+        let friction = [
+            Effect::CoulombFriction {
+                coulomb_nm: factor * plain.coulomb_nm,
+            },
+            Effect::ViscousFriction {
+                viscous_nm_s_rad: factor * plain.viscous_nm_s_rad,
+            },
+        ];
+        for effect in &friction {
+            self.add(Some(name), effect, taken / friction.len() as f64);
         }
-        for (found, effect) in &effects {
-            match plain {
-                Some(_) if is_plain(effect) => {}
-                Some(plain) if corrects(effect) => {
-                    let why = format!(
-                        "Coulomb and viscous friction are those that leave least without it, {:.3} Nm rms instead of {:.3} Nm",
-                        plain.torque_rms_nm, joint.gap.torque_rms_nm.after
-                    );
-                    self.leave(name, effect, found.share, &why);
-                }
-                _ => {
-                    self.add(Some(name), effect, found.share);
-                }
+        let why = format!(
+            "Coulomb and viscous friction are those that leave least without it, {:.3} Nm rms instead of {:.3} Nm",
+            plain.torque_rms_nm, torque_nm.after
+        );
+        for (found, effect) in effects.iter().filter(|(_, effect)| !is_plain(effect)) {
+            if corrects(effect) {
+                self.leave(name, effect, lost_each, &why);
+            } else {
+                self.add(Some(name), effect, found.share);
             }
         }
         Ok(())
     }
+}
+
+/// Whether it is friction beyond Coulomb's and viscous friction.
+fn corrects(effect: &Effect) -> bool {
+    effect.kind().part() == Part::Friction && !is_plain(effect)
 }
 
 fn is_plain(effect: &Effect) -> bool {
