@@ -128,7 +128,9 @@ fn one_frequency(timed: &[(f64, f64)]) -> Option<Finding> {
     };
     let lowest_hz = SWINGS_MIN / (to_s - from_s);
     let step_hz = 0.25 / (to_s - from_s);
-    let count = ((FREQUENCY_MAX_HZ - lowest_hz) / step_hz) as usize;
+    // two blocks a swing at least, however long the recording says that it is
+    let highest_hz = FREQUENCY_MAX_HZ.min(0.5 * timed.len() as f64 / (to_s - from_s));
+    let count = ((highest_hz - lowest_hz) / step_hz) as usize;
     let (hz, share) = (0..count)
         .map(|k| lowest_hz + k as f64 * step_hz)
         .map(|hz| (hz, share(hz)))
@@ -219,4 +221,19 @@ fn may_be_constant(signal: Signal) -> bool {
         signal,
         Signal::CommandTorqueNm | Signal::ReferenceVelocityRadS | Signal::TemperatureC
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_of_years_are_looked_at_as_soon_as_times_of_seconds() {
+        // microseconds that were read as seconds
+        let timed: Vec<(f64, f64)> = (0..2000)
+            .map(|k| (2e5 * f64::from(k), (0.3 * f64::from(k)).sin()))
+            .collect();
+        let found = one_frequency(&timed);
+        assert!(found.is_some_and(|found| found.kind == FindingKind::OneFrequency));
+    }
 }
