@@ -35,8 +35,8 @@ impl Evidence {
         all
     }
 
-    /// Whether each name of a set takes more of some signal, beside the others and the file's values as they are with all of them, than no
-    /// law is exact by: what is less is how the others' laws are off.
+    /// Whether each name of a set, but for what every joint may have, takes more of some signal, beside the others and the file's values as
+    /// they are with all of them, than no law is exact by: what is less is how the others' laws are off.
     fn are_felt(&self, names: Names) -> bool {
         let beside = self.values_beside(names);
         let left = |names: Names| {
@@ -55,7 +55,8 @@ impl Evidence {
             .zip(gap)
             .map(|(a, b)| a.min(b))
             .collect();
-        let mut each = (0..self.kinds.len()).filter(|index| names & 1 << index != 0);
+        let seldom = names & !self.usual;
+        let mut each = (0..self.kinds.len()).filter(|index| seldom & 1 << index != 0);
         each.all(|index| {
             let without = left(names & !(1 << index));
             let mut signals = without.iter().zip(&nothing).zip(&all);
