@@ -93,7 +93,8 @@ fn add_untold(
         };
         *told = Some(Told {
             finding,
-            friction_off: 0.0,
+            // its friction does not speak for the unit
+            friction_off: f64::INFINITY,
             of_all: Some((unit, name)),
         });
     }

@@ -202,7 +202,7 @@ impl<'a> Search<'a> {
             let factor = 1.0 + term.hypothesis.shape_step(&self.scale);
             let [least, most] = term.hypothesis.shape_range(&self.scale);
             let shape = term.hypothesis.shape[0] * factor.powf(steps.next().unwrap_or(0.0));
-            let shape = shape.clamp(least, most);
+            let shape = shape.max(least).min(most);
             term.hypothesis = term.hypothesis.shaped(&[shape]);
         }
         term

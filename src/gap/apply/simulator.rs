@@ -139,15 +139,14 @@ struct Adding<'a> {
 }
 
 impl Adding<'_> {
-    /// Adds an effect, of the whole arm if of no joint. Whether anything of it can be said.
-    fn add(&mut self, joint: Option<&str>, effect: &Effect, share: f64) -> bool {
+    /// Adds an effect, of the whole arm if of no joint.
+    fn add(&mut self, joint: Option<&str>, effect: &Effect, share: f64) {
         let outcome = self.file.add(joint.and_then(self.index), effect);
         let (done, cannot_say) = match outcome {
             Outcome::Written(done) => (Some(done), None),
             Outcome::InPart(done, missing) => (Some(done), Some(missing)),
             Outcome::Cannot(why) => (None, Some(why)),
         };
-        let is_said = done.is_some();
         self.all.push(Said {
             joint: joint.map(str::to_owned),
             effect: effect.name(),
@@ -155,7 +154,6 @@ impl Adding<'_> {
             done,
             cannot_say,
         });
-        is_said
     }
 
     /// Tells of an effect that is left out.
