@@ -161,6 +161,7 @@ fn told(name: &str, search: &Search<'_>, choices: Vec<Choice>) -> JointReport {
             share_low: 0.0,
             share_high: 0.0,
             shrink_alone: 0.0,
+            of_links: false,
         })
         .collect();
     let stage = choices[0].term.as_ref().map(|term| term.hypothesis.stage());

@@ -144,6 +144,7 @@ pub(crate) fn blank_report(
         compute_seconds: 0.0,
         shared_effects: Vec::new(),
         joints: Vec::new(),
+        links: Vec::new(),
         data: Vec::new(),
     })
 }

@@ -36,6 +36,10 @@ pub struct Report {
     pub shared_effects: Vec<SharedEffect>,
     /// In the robot file's order.
     pub joints: Vec<JointReport>,
+    /// By what the links' values differ from the file's, where they are wrong by more than their tolerance; joints have it under the name of
+    /// what it does to them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub links: Vec<LinkChange>,
     /// What was wrong or missing in the data, worst first, in sentences.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub data: Vec<DataFinding>,
@@ -65,6 +69,10 @@ pub struct DataFinding {
     pub what: String,
     /// What to change; empty where there is nothing to change.
     pub remedy: String,
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 impl fmt::Display for DataFinding {
@@ -118,6 +126,19 @@ pub struct Parameter {
     pub at_bound: bool,
 }
 
+/// By what a link's values differ from the file's. Torques tell sums of several links' values alone: other links may be wrong instead.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LinkChange {
+    /// The joint that moves it.
+    pub joint: String,
+    /// More than the file's.
+    pub mass_kg: Parameter,
+    /// More than the file's, along the link's axes.
+    pub centre_of_mass_m: [Parameter; 3],
+    /// About the centre of mass: more than the file's, as a part of it.
+    pub inertia_part: Parameter,
+}
+
 /// An effect that is named.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NamedEffect {
@@ -142,6 +163,9 @@ pub struct NamedEffect {
     pub share_high: f64,
     /// Shrink with this effect only.
     pub shrink_alone: f64,
+    /// Whether it is what the report's `links` do to the joint: no effect of its own to add to a file.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub of_links: bool,
 }
 
 /// An effect with one cause seen by several joints.

@@ -1,5 +1,6 @@
 //! `flexspline gap apply`: a robot file with the diagnosed effects in it, everything else as it was written.
 
+mod links;
 mod remaining;
 mod simulator;
 
@@ -120,11 +121,16 @@ pub fn mended(
         |reason: String| CliError::Input(format!("{report_name} with {}: {reason}", robot.name));
     let text = with_joint_tables(robot.text, file, &built).map_err(refuse)?;
     let impossible = take_impossible(&mut report, &text, robot);
-    let (text, changes) = with_effects(&text, &report).map_err(refuse)?;
+    let (text, mut changes) = with_effects(&text, &report).map_err(refuse)?;
+    let links = links::with_links(&text, &report).map_err(refuse)?;
+    changes.extend(links.changes);
     let mut mended = Mended {
-        text,
+        text: links.text,
         changes,
-        left_out: sensors(&report).chain(impossible).collect(),
+        left_out: sensors(&report)
+            .chain(impossible)
+            .chain(links.left_out)
+            .collect(),
     };
     if remaining {
         let rest = remaining::with_remaining(&mended.text, &report).map_err(refuse)?;
@@ -142,6 +148,9 @@ pub fn mended(
 fn names_nothing(report_name: &str, report: &Report) -> CliError {
     CliError::Negative(match sensors(report).next() {
         Some(of_sensor) => format!("{report_name}: nothing to add: {of_sensor}"),
+        None if !report.links.is_empty() => {
+            format!("{report_name}: nothing to add: {}", links::BY_HAND)
+        }
         None => format!("{report_name}: names no effect, so there is nothing to add"),
     })
 }
@@ -400,7 +409,7 @@ fn sensors(report: &Report) -> impl Iterator<Item = String> {
 /// What is named of a joint, in the motor's newton metres. All were fitted together: without the small ones the large ones are wrong.
 fn effects_of(joint: &JointReport) -> Result<Vec<(&NamedEffect, Effect)>, String> {
     let named = joint.named();
-    let named = named.filter(|found| !joint.is_of_sensor(&found.effect));
+    let named = named.filter(|found| !found.of_links && !joint.is_of_sensor(&found.effect));
     named
         .map(|found| Ok((found, at_motor(joint, found)?)))
         .collect()

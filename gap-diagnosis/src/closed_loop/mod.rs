@@ -325,6 +325,7 @@ impl<'a> Joint<'a> {
             leaves_a_law: !is_at_floor,
             is_at_floor: Some(is_at_floor),
             shared: arm.shared.as_slice(),
+            of_links: None,
             signals: self.signals(&gap_nm),
             is_one_frequency: self.poverty == Some(ONE_FREQUENCY),
             materiality,
@@ -632,7 +633,7 @@ pub fn diagnose(
             report.data.extend(findings);
             traces.push(told.traces);
         }
-        let of_cause = cause.map(|(shared, nats)| {
+        let of_cause = cause.and_then(|(shared, nats)| {
             let probability = 1.0 / (1.0 + (-nats).exp());
             shared.told(probability, of_cause)
         });

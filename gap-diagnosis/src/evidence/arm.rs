@@ -1,4 +1,4 @@
-//! Causes that the whole arm shares, a payload or a tilted base: one set of amplitudes in the models of all joints.
+//! Causes that the whole arm shares, a payload, wrong masses or a tilted base: one set of amplitudes in the models of all joints.
 //!
 //! Each joint's rows say something of the amplitudes beside its own names. What the others say is a prior to each: Gaussian messages,
 //! which make the joint fits one fit of all joints (Bishop, Pattern Recognition and Machine Learning, 2006, section 8.4.4).
@@ -14,6 +14,11 @@ use crate::report::{JointShare, NamedEffect, SharedEffect};
 
 /// Rounds in which joints tell each other of a cause: a payload's inertia is quadratic in its moments, which settle to a hundredth in three.
 pub const ROUNDS: usize = 3;
+/// One standard deviation of what links weigh, where their centres lie and how they spread, where the file is wrong of them, as a part of
+/// the file's.
+pub const LINKS_WRONG: f64 = 0.3;
+/// Values of a link: its mass, its centre along three axes, and its inertia.
+pub const OF_LINK: usize = 5;
 
 /// A cause that the arm may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,14 +27,14 @@ pub enum Cause {
     Payload,
     /// By how much later a reference reaches every drive than it was recorded.
     Delay,
+    /// Masses, centres and inertias of so many links, in standard deviations.
+    Masses(usize),
     /// Roll and pitch of the base.
     Tilt,
 }
 
 impl Cause {
-    /// All there are.
-    pub const ALL: [Self; 3] = [Self::Payload, Self::Delay, Self::Tilt];
-    /// Those of masses.
+    /// Those that a simulation of the arm has.
     pub const OF_MASSES: [Self; 2] = [Self::Payload, Self::Tilt];
 
     /// Numbers that it has.
@@ -37,16 +42,17 @@ impl Cause {
         match self {
             Self::Payload => 4,
             Self::Delay => 1,
+            Self::Masses(links) => OF_LINK * links,
             Self::Tilt => 2,
         }
     }
 
     /// Standard deviation of each amplitude before anything was seen, far beyond what arms carry, wait for or stand on: 100 kg, 100 kg m;
-    /// 1 s; 1 rad.
+    /// 1 s; 1 rad. Values of links are in standard deviations.
     pub fn deviation(self) -> f64 {
         match self {
             Self::Payload => 100.0,
-            Self::Delay | Self::Tilt => 1.0,
+            Self::Delay | Self::Masses(_) | Self::Tilt => 1.0,
         }
     }
 
@@ -55,23 +61,25 @@ impl Cause {
         match self {
             Self::Payload => "payload",
             Self::Delay => "command_delay",
+            Self::Masses(_) => "gravity_torque",
             Self::Tilt => "base_tilt",
         }
     }
 
-    /// What it is called at these amplitudes.
-    pub fn effect(self, said: &[f64]) -> Effect {
-        match self {
+    /// What it is called at these amplitudes; none where it has another name at each joint.
+    fn effect(self, said: &DVector<f64>) -> Option<Effect> {
+        Some(match self {
             Self::Payload => Effect::Payload {
                 mass_kg: said[0],
                 centre_m: [1, 2, 3].map(|k| said[k] / said[0]),
             },
             Self::Delay => Effect::CommandDelay { delay_s: said[0] },
+            Self::Masses(_) => return None,
             Self::Tilt => Effect::BaseTilt {
                 roll_rad: said[0],
                 pitch_rad: said[1],
             },
-        }
+        })
     }
 
     /// The effect's numbers with their standard errors, from those of the amplitudes; a centre's follows from moment and mass.
@@ -99,6 +107,7 @@ impl Cause {
                 mass.chain(centre).collect()
             }
             Self::Delay => vec![("delay_s", error(&[1.0]))],
+            Self::Masses(_) => Vec::new(),
             Self::Tilt => vec![
                 ("roll_rad", error(&[1.0, 0.0])),
                 ("pitch_rad", error(&[0.0, 1.0])),
@@ -106,13 +115,19 @@ impl Cause {
         }
     }
 
-    /// Whether an arm can have it: nothing comes before it was sent, no more can be missing at its end than the last link weighs, as far
-    /// as its error tells, and what hangs there is no further away than the arm is long.
+    /// Whether an arm can have it: nothing comes before it was sent, no link weighs less than nothing, no more can be missing at its end
+    /// than the last link weighs, as far as its error tells, and what hangs there is no further away than the arm is long.
     fn can_be(self, robot: &Robot, said: &DVector<f64>, covariance: &DMatrix<f64>) -> bool {
-        let error = ERRORS * covariance[(0, 0)].max(0.0).sqrt();
+        let error = |place: usize| ERRORS * covariance[(place, place)].max(0.0).sqrt();
         let links = robot.chain.links();
         let last = match (self, links.last()) {
-            (Self::Delay, _) => return said[0] + error > 0.0,
+            (Self::Delay, _) => return said[0] + error(0) > 0.0,
+            (Self::Masses(links), _) => {
+                let of_links =
+                    (0..links).flat_map(|link| [0, OF_LINK - 1].map(|k| OF_LINK * link + k));
+                let mut parts = of_links.map(|k| 1.0 + LINKS_WRONG * (said[k] + error(k)));
+                return parts.all(|part| part > 0.0);
+            }
             (Self::Payload, Some(last)) => last,
             _ => return true,
         };
@@ -125,20 +140,37 @@ impl Cause {
             + 2.0 * last.centre_of_mass_m.norm()
             + robot.chain.tool().translation.vector.norm();
         let moment_kg_m = said.rows(1, 3).norm();
-        said[0] + error > -last.mass_kg && moment_kg_m <= length_m * said[0].abs()
+        said[0] + error(0) > -last.mass_kg && moment_kg_m <= length_m * said[0].abs()
     }
 
-    /// What it costs the whole arm, in nats: a name, and each further amplitude.
+    /// What it costs the whole arm, in nats: a name, and each further amplitude or link. What links' values cost beyond that is seen with what
+    /// the joints say of them.
     pub fn cost(self) -> f64 {
-        NAME_NATS + AMPLITUDE_NATS * (self.amplitudes() - 1) as f64
+        let further = match self {
+            Self::Masses(links) => links,
+            _ => self.amplitudes(),
+        };
+        NAME_NATS + AMPLITUDE_NATS * further.saturating_sub(1) as f64
+    }
+
+    /// What it costs beyond that at the values that the joints say: their distance from the file's, and how much narrower the joints make what
+    /// is known of them (the Occam factor; MacKay, Bayesian interpolation, Neural Computation 4 (1992) 415-447).
+    fn cost_of_values(self, said: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
+        let Self::Masses(_) = self else { return 0.0 };
+        let narrower = covariance.clone().cholesky().map_or(f64::INFINITY, |root| {
+            root.l().diagonal().iter().map(|x| -x.ln()).sum()
+        });
+        0.5 * said.norm_squared() + narrower
     }
 }
 
 /// A cause with what all joints say of it.
 pub struct Shared {
     cause: Cause,
-    effect: Effect,
-    errors: Vec<(&'static str, f64)>,
+    /// Its amplitudes.
+    pub said: DVector<f64>,
+    /// Theirs.
+    pub covariance: DMatrix<f64>,
 }
 
 impl Shared {
@@ -152,21 +184,21 @@ impl Shared {
         (self.cause.name(), self.cause.amplitudes())
     }
 
-    /// For the report, with what it takes of each joint's gap.
+    /// For the report, with what it takes of each joint's gap; none where it is told joint by joint.
     pub fn told(
-        self,
+        &self,
         probability: f64,
         joint_shares: BTreeMap<String, JointShare>,
-    ) -> SharedEffect {
-        let mut parameters = told::parameters(&self.effect);
-        for (name, error) in self.errors {
+    ) -> Option<SharedEffect> {
+        let mut parameters = told::parameters(&self.cause.effect(&self.said)?);
+        for (name, error) in self.cause.errors(&self.said, &self.covariance) {
             if let Some(parameter) = parameters.get_mut(name) {
                 parameter.std = error;
             }
         }
         let count = joint_shares.len().max(1) as f64;
         let mean = |of: fn(&JointShare) -> f64| joint_shares.values().map(of).sum::<f64>() / count;
-        SharedEffect {
+        Some(SharedEffect {
             effect: NamedEffect {
                 effect: self.cause.name().to_owned(),
                 probability,
@@ -176,10 +208,11 @@ impl Shared {
                 share_low: mean(|share| share.share_low),
                 share_high: mean(|share| share.share_high),
                 shrink_alone: 0.0,
+                of_links: false,
             },
             joints: joint_shares.keys().cloned().collect(),
             joint_shares,
-        }
+        })
     }
 }
 
@@ -247,7 +280,7 @@ pub fn found(
     own: &[Option<Message>],
     gained_nats: f64,
 ) -> Option<(Vec<Shared>, f64)> {
-    let nats = gained_nats - cost(causes);
+    let mut nats = gained_nats - cost(causes);
     let (said, covariance) = all(&prior(causes), own).said()?;
     let mut from = 0;
     let mut shared = Vec::new();
@@ -255,13 +288,14 @@ pub fn found(
         let count = cause.amplitudes();
         let said = said.rows(from, count).into_owned();
         let covariance = covariance.view((from, from), (count, count)).into_owned();
+        nats -= cause.cost_of_values(&said, &covariance);
         if nats <= 0.0 || !cause.can_be(robot, &said, &covariance) {
             return None;
         }
         shared.push(Shared {
             cause: *cause,
-            effect: cause.effect(said.as_slice()),
-            errors: cause.errors(&said, &covariance),
+            said,
+            covariance,
         });
         from += count;
     }

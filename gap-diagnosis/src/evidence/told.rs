@@ -90,6 +90,8 @@ pub struct Found<'a> {
     pub is_at_floor: Option<bool>,
     /// Names of what the arm shares, with how many columns each has, in their order.
     pub shared: &'a [(&'static str, usize)],
+    /// Which of these is told joint by joint, and how it is told here, without a share yet.
+    pub of_links: Option<(usize, NamedEffect)>,
     /// The gap of each compared signal.
     pub signals: Vec<SignalGap>,
     /// Whether the joint swings at one frequency, at which a law with a state is two numbers.
@@ -160,11 +162,24 @@ impl Found<'_> {
         let shares = game.shares();
         let weights = self.weights();
         let effects = self.effects(&fit, &shares, &weights);
+        let shared = shares.of[shares.of.len() - self.shared.len()..].to_vec();
+        let of_links = self.of_links.iter().map(|(place, effect)| {
+            let share = shared[*place];
+            let effect = NamedEffect {
+                share: share.value,
+                share_low: share.low,
+                share_high: share.high,
+                shrink_alone: shares.alone[shares.of.len() - self.shared.len() + place],
+                ..effect.clone()
+            };
+            (false, effect)
+        });
+        let effects = effects.into_iter();
+        let effects = effects.map(|(item, effect)| (self.called.is_usual(item), effect));
         let (effects, minor_effects): (Vec<_>, Vec<_>) =
-            effects.into_iter().partition(|(item, effect)| {
+            effects.chain(of_links).partition(|(is_usual, effect)| {
                 // what few joints have must take a part of the gap for certain
-                effect.share >= self.materiality
-                    && (self.called.is_usual(*item) || effect.share_low > 0.0)
+                effect.share >= self.materiality && (*is_usual || effect.share_low > 0.0)
             });
         let [mut effects, minor_effects] = [effects, minor_effects].map(|named| {
             let named = named.into_iter();
@@ -173,7 +188,6 @@ impl Found<'_> {
                 .collect::<Vec<NamedEffect>>()
         });
         effects.sort_by(|a, b| b.share.total_cmp(&a.share));
-        let shared = shares.of[shares.of.len() - self.shared.len()..].to_vec();
         let gap_nm = self.rows.gap_nm();
         // the rows are those of the first signal
         let rest_nm: Vec<f64> = self.evidence.gap_nm()[..self.rows.count()]
@@ -202,9 +216,7 @@ impl Found<'_> {
             .is_at_floor
             .unwrap_or(remaining_over.is_empty() && left <= self.materiality * torque);
         let candidates = self.candidates(&weights, &shares, is_quiet);
-        let named = effects.iter().chain(&minor_effects);
-        let taken: f64 = named.map(|effect| effect.share).sum::<f64>()
-            + shared.iter().map(|shared| shared.value).sum::<f64>();
+        let taken = shares.of.iter().map(|share| share.value).sum::<f64>();
         let gap = self.gap(&best, &shares, &gap_nm, nothing);
         let has_names = !effects.is_empty() || shared.iter().any(|s| s.value >= self.materiality);
         let confusable = self.confusable(&best);
@@ -323,6 +335,7 @@ impl Found<'_> {
                 share_low: share.low,
                 share_high: share.high,
                 shrink_alone: shares.alone[player],
+                of_links: false,
             };
             all.push((*item, named));
         }

@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 use robot::{Effect, Robot, Tolerance, changed_chain};
 
 use super::motion::{JointMotion, Piece};
+use crate::evidence::arm::{LINKS_WRONG, OF_LINK};
 use crate::report::TorqueSource;
 use crate::twin::joint::JointModel;
 use crate::twin::known::{self, Every, KnownValue, PART_MIN};
@@ -30,6 +31,8 @@ pub struct Torques {
     pub link_inertia_nm: Vec<Option<Vec<f64>>>,
     /// Changes by one standard deviation of the links' values.
     pub links: Vec<ArmColumn>,
+    /// The same where the file is wrong of them, [`OF_LINK`] of each link.
+    pub masses: Vec<ArmColumn>,
     /// By a payload's mass in the last link's origin, and its first moment along three axes.
     pub payload: Vec<ArmColumn>,
     /// By what a point at the last link's x, y, z, and x and y, y and z, x and z together, adds of inertia per kilogram and square metre,
@@ -54,6 +57,11 @@ impl Torques {
         let change = |changed: &Chain, factor: f64| ArmColumn {
             change_nm: minus(rows.torque_nm(changed), &rigid_nm, factor),
         };
+        let nothing = || ArmColumn {
+            change_nm: rigid_nm.iter().map(|nm| vec![0.0; nm.len()]).collect(),
+        };
+        let if_any =
+            |changed: &Option<Chain>| changed.as_ref().map_or_else(nothing, |of| change(of, 1.0));
         let links = tolerated(chain, &robot.tolerance)
             .iter()
             .map(|changed| change(changed, 1.0))
@@ -69,6 +77,7 @@ impl Torques {
             inertia_kg_m2: rows.inertia_kg_m2(chain),
             link_inertia_nm: (0..chain.joint_count()).map(of_link).collect(),
             links,
+            masses: wrong(chain).iter().map(if_any).collect(),
             payload: payload(chain, &rows, &rigid_nm),
             tip: tip(chain)
                 .iter()
@@ -178,6 +187,25 @@ fn tolerated(chain: &Chain, tolerance: &Tolerance) -> Vec<Chain> {
         }
     }
     all
+}
+
+/// Chains with one value of one link more by a standard deviation of what it is where the file is wrong of it, link by link; none where no
+/// body could be like that.
+fn wrong(chain: &Chain) -> Vec<Option<Chain>> {
+    let of_link = |index: usize| {
+        let more = |change: &dyn Fn(&mut Link)| changed(chain, |links| change(&mut links[index]));
+        let apart_m = LINKS_WRONG * chain.links()[index].centre_of_mass_m.norm();
+        let along = |axis: usize| more(&|link: &mut Link| link.centre_of_mass_m[axis] += apart_m);
+        let values: [Option<Chain>; OF_LINK] = [
+            more(&|link| link.mass_kg *= 1.0 + LINKS_WRONG),
+            along(0),
+            along(1),
+            along(2),
+            more(&|link| link.inertia_kg_m2 *= 1.0 + LINKS_WRONG),
+        ];
+        values
+    };
+    (0..chain.joint_count()).flat_map(of_link).collect()
 }
 
 fn changed(chain: &Chain, change: impl FnOnce(&mut [Link])) -> Option<Chain> {

@@ -53,7 +53,7 @@ impl Gravity {
             message = beside(
                 &message,
                 &match cause {
-                    Cause::Payload | Cause::Delay => arm::prior(&[*cause]),
+                    Cause::Payload | Cause::Delay | Cause::Masses(_) => arm::prior(&[*cause]),
                     Cause::Tilt => self.of_components(*cause),
                 },
             );
@@ -80,7 +80,7 @@ impl Gravity {
         let (mut row, mut column) = (0, 0);
         for cause in causes {
             match cause {
-                Cause::Payload | Cause::Delay => {
+                Cause::Payload | Cause::Delay | Cause::Masses(_) => {
                     let own = cause.amplitudes();
                     slope
                         .view_mut((row, column), (own, own))

@@ -95,6 +95,11 @@ fn late_reference(robot: &Robot, joint: usize) -> String {
     })
 }
 
+fn is_of_links(prior: &Prior<'_>) -> bool {
+    let mut causes = prior.causes.iter();
+    causes.any(|cause| matches!(cause, Cause::Masses(_)))
+}
+
 impl Joint {
     fn items(&self) -> Vec<Item<'_>> {
         let expects_friction = self.drive.rubs_unmeasured();
@@ -129,14 +134,27 @@ impl Joint {
         match cause {
             Cause::Payload => &self.rows.payload,
             Cause::Delay => &self.rows.late,
+            Cause::Masses(_) => &self.rows.masses,
             Cause::Tilt => &self.rows.tilt,
         }
     }
 
     /// Names that causes of the arm are held against: to second order a late reference is half of it viscous friction, so that beside that
-    /// it would be told as half as late.
+    /// it would be told as half as late; and links' values are what a link weighs at its joint.
     pub fn in_place_of(&self, causes: &[Cause]) -> Names {
-        let is_alike = |law: Law| law == Law::Viscous && causes.contains(&Cause::Delay);
+        let is_alike = |law: Law| {
+            let mut causes = causes.iter();
+            causes.any(|cause| match cause {
+                Cause::Delay => law == Law::Viscous,
+                // what a sensor behind the gear feels of inertia is a link's
+                Cause::Masses(_) => match law {
+                    Law::Gravity | Law::LinkInertia => true,
+                    Law::Inertia => self.source == TorqueSource::Sensor,
+                    _ => false,
+                },
+                Cause::Payload | Cause::Tilt => false,
+            })
+        };
         let laws = self.rows.laws.iter().enumerate();
         let alike = laws.filter(|(_, (law, _))| is_alike(*law));
         alike.fold(0, |names, (place, _)| names | 1 << place)
@@ -153,11 +171,16 @@ impl Joint {
 
     /// What decides among its names, beside what the arm shares.
     pub fn evidence(&self, shared: Option<&Prior<'_>>) -> Evidence {
+        // within their tolerance or beyond it, and not both
+        let links = match shared {
+            Some(prior) if is_of_links(prior) => &[][..],
+            _ => self.rows.links.as_slice(),
+        };
         Evidence::of(&Problem {
             gap_nm: &self.rows.seen.gap_nm(),
             spans: &self.spans(),
             items: &self.items(),
-            tolerated: &[self.rows.tolerated.as_slice(), &self.rows.untold].concat(),
+            tolerated: &[links, &self.rows.tolerated, &self.rows.untold].concat(),
             inexact: 0.0,
             shared: shared.map(|prior| (prior.columns.as_slice(), &prior.message)),
         })
@@ -178,10 +201,15 @@ impl Joint {
     pub fn searched(&self, shared: Option<&Prior<'_>>) -> Searched {
         let evidence = self.evidence(shared);
         let in_place_of = shared.map_or(0, |prior| self.in_place_of(prior.causes));
+        let has_links = shared.is_some_and(is_of_links);
+        let rotor_kg_m2 = self.drive.model().rotor_inertia_kg_m2;
         let has_none = |fit: &Fit| {
-            fit.amplitudes
-                .iter()
-                .all(|(item, _)| in_place_of & 1 << item == 0)
+            fit.amplitudes.iter().all(|(item, values)| {
+                // beside the links' inertias the rest is the rotor's, which is no lighter than nothing
+                let is_rotor = self.rows.laws[*item].0 == Law::Inertia;
+                let is_lighter = is_rotor && values[0] < -rotor_kg_m2;
+                in_place_of & 1 << item == 0 && !(has_links && is_lighter)
+            })
         };
         let sets = evidence.best(|fit| has_none(fit) && self.is_possible(fit));
         Searched {
@@ -313,7 +341,7 @@ impl Joint {
             };
             let searched = other.searched(None);
             let beside = searched.evidence.values_beside(searched.sets[0].names);
-            let part = 1.0 + beside[other.rows.tolerated.len()];
+            let part = 1.0 + beside[other.rows.links.len() + other.rows.tolerated.len()];
             found = Some((other, searched, size_nm));
             size_nm /= part;
         }

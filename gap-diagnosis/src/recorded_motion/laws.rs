@@ -220,6 +220,8 @@ impl Law {
             Self::Viscous => Some(velocity_rad_s),
             Self::Quadratic => Some(velocity_rad_s * velocity_rad_s.abs()),
             Self::Stribeck(speed_rad_s) => Some(sign * (-velocity_rad_s.abs() / speed_rad_s).exp()),
+            // more one way and less the other
+            Self::Asymmetric => Some(1.0),
             _ => None,
         }
     }
@@ -439,8 +441,9 @@ pub fn is_possible(
     }
     /// Speeds at which friction is looked at.
     const SPEEDS: usize = 25;
-    (1..=SPEEDS).all(|k| {
-        let v = speed_rad_s * k as f64 / SPEEDS as f64;
+    let speeds = (1..=SPEEDS).map(|k| speed_rad_s * k as f64 / SPEEDS as f64);
+    let both_ways = speeds.flat_map(|speed_rad_s| [speed_rad_s, -speed_rad_s]);
+    both_ways.into_iter().all(|v| {
         let at = |law: Law| law.friction_nm(v).unwrap_or(0.0);
         let added: f64 = braking.iter().map(|(_, law, value)| value * at(*law)).sum();
         let mut variance = 0.0;
@@ -449,7 +452,7 @@ pub fn is_possible(
                 variance += at(*one) * fit.covariance[(*i, *j)] * at(*other);
             }
         }
-        nominal_friction_nm(v) + added + error(variance) >= 0.0
+        v.signum() * (nominal_friction_nm(v) + added) + error(variance) >= 0.0
     })
 }
 

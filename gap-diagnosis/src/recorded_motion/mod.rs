@@ -8,6 +8,7 @@ mod dynamics;
 mod gravity;
 mod joint;
 mod laws;
+mod links;
 mod motion;
 mod presliding;
 mod rows;
@@ -103,10 +104,11 @@ pub fn diagnose(
         let (mut arms, mut all) = shared::searched(robot, of_right_sign, progress);
         // what explains little of every joint is no cause of theirs: it is left out, and nothing else takes its place
         let said = loop {
+            let probability = probabilities(&all);
             let best = &mut all[0];
             let Arm { joints, alone } = &mut arms[best.arm];
             without_imitations(joints, alone, &mut best.with);
-            let said = said(robot, joints, alone, best, materiality);
+            let said = said(robot, joints, alone, (&*best, &probability), materiality);
             let mattering: Vec<Cause> = best
                 .causes()
                 .enumerate()
@@ -120,8 +122,14 @@ pub fn diagnose(
         };
         let late = shared::late(robot, &arms, &all[0]);
         report.data.extend(late.as_ref().map(note_of_late));
-        let probabilities = Cause::ALL.map(|cause| shared::probability(cause, &all));
-        let shared::Found { arm, shared, .. } = all.swap_remove(0);
+        let probability = probabilities(&all);
+        let shared::Found {
+            arm, shared, nats, ..
+        } = all.swap_remove(0);
+        if let Some((_, of_links)) = links::among(&shared) {
+            report.links = links::changes(robot, of_links);
+            report.data.push(links::note(robot, &report.links, nats));
+        }
         let joints = arms.swap_remove(arm).joints;
         let mut of_shared = vec![BTreeMap::new(); shared.len()];
         let mut told = joints.iter().zip(said).peekable();
@@ -155,10 +163,8 @@ pub fn diagnose(
         report.shared_effects = shared
             .into_iter()
             .zip(of_shared)
-            .map(|(shared, of_joints)| {
-                let probability = probabilities[shared.cause() as usize];
-                shared.told(probability, of_joints)
-            })
+            .zip(probability)
+            .filter_map(|((shared, of_joints), probability)| shared.told(probability, of_joints))
             .collect();
     } else {
         let both = robot.joints.iter().zip(usable.against);
@@ -317,12 +323,20 @@ fn without_imitations(joints: &[Joint], alone: &mut [Searched], with: &mut [Opti
     .for_each(drop);
 }
 
-/// What is said of every joint.
+/// How probable each of the first possibility's causes is.
+fn probabilities(all: &[shared::Found]) -> Vec<f64> {
+    let causes = all[0].causes();
+    causes
+        .map(|cause| shared::probability(cause, all))
+        .collect()
+}
+
+/// What is said of every joint. `found`: what the arm shares, with each cause's probability.
 fn said(
     robot: &Robot,
     joints: &[Joint],
     alone: &[Searched],
-    found: &shared::Found,
+    (found, probability): (&shared::Found, &[f64]),
     materiality: f64,
 ) -> Vec<Said> {
     let both = joints.iter().zip(alone).zip(&found.with).enumerate();
@@ -342,6 +356,11 @@ fn said(
         };
         let named = |cause: Cause| (cause.name(), joint.of_arm(cause).len());
         let named: Vec<(&'static str, usize)> = found.causes().map(named).collect();
+        let of_links = links::among(&found.shared).filter(|_| with.is_some());
+        let of_links = of_links.and_then(|(place, shared)| {
+            let told = links::of_joint(joint, shared, probability[place])?;
+            Some((place, told))
+        });
         let found = Found {
             joint: &robot.joints[joint.index].name,
             rows: &joint.rows.seen,
@@ -355,6 +374,7 @@ fn said(
             leaves_a_law: best.leaves_a_law.unwrap_or(false),
             is_at_floor: None,
             shared: if with.is_some() { &named } else { &[] },
+            of_links,
             signals: vec![joint.signal_gap()],
             // no law of the motion has a state
             is_one_frequency: false,

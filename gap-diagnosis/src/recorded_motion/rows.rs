@@ -35,8 +35,12 @@ pub struct JointRows {
     pub command_nm: Option<Vec<f64>>,
     /// Columns of each law.
     pub laws: Vec<(Law, Vec<Vec<f64>>)>,
-    /// Columns of one standard deviation each, of what the file may be wrong about.
+    /// Columns of one standard deviation each, of what the file may be wrong about of the joint.
     pub tolerated: Vec<Vec<f64>>,
+    /// And of the links.
+    pub links: Vec<Vec<f64>>,
+    /// Columns of the links' values where the file is wrong of them.
+    pub masses: Vec<Vec<f64>>,
     /// Columns of one standard deviation each, of what no file tells: the time between torque and position, and how friction bends.
     pub untold: Vec<Vec<f64>>,
     /// Friction that bends, the file's and what is found of it.
@@ -169,6 +173,7 @@ impl JointRows {
             rows.add(&drive, piece, torques, joint, &kept)?;
         }
         rows.tolerated = that_count(std::mem::take(&mut rows.tolerated));
+        rows.links = that_count(std::mem::take(&mut rows.links));
         // a torque of which the file needs next to nothing tells nothing of its scale; nor does friction that nobody measured
         let square = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>();
         let needed = rows.columns(Law::TorqueConstant).first();
@@ -198,6 +203,7 @@ impl JointRows {
             )
         });
         self.payload.clear();
+        self.masses.clear();
     }
 
     /// Where nothing else turns it a link moves as its joint does, and its inertia is the joint's.
@@ -227,6 +233,8 @@ impl JointRows {
         let mut rows = self.in_unit(size_nm);
         rows.seen.nominal_nm.fill(0.0);
         rows.tolerated.clear();
+        rows.links.clear();
+        rows.masses.clear();
         rows.untold.remove(0);
         rows
     }
@@ -254,6 +262,8 @@ impl JointRows {
         let seen = [&mut rows.seen.nominal_nm, &mut rows.rigid_nm].into_iter();
         let all = seen
             .chain(&mut rows.tolerated)
+            .chain(&mut rows.links)
+            .chain(&mut rows.masses)
             .chain(rows.untold.first_mut())
             .chain(&mut rows.payload)
             .chain(&mut rows.tip)
@@ -327,12 +337,13 @@ impl JointRows {
             }
         }
         let own = drive.tolerated(motion, &slip, rigid_nm);
-        let links = torques.links.iter().map(|arm| arm.change_nm[joint].clone());
         let mut tolerated = Vec::new();
-        for column in own.into_iter().chain(links) {
+        for column in own {
             tolerated.push(kept.limited(&column)?);
         }
         join(&mut self.tolerated, tolerated);
+        join(&mut self.links, of_arm(&torques.links, joint, kept)?);
+        join(&mut self.masses, of_arm(&torques.masses, joint, kept)?);
         join(&mut self.payload, of_arm(&torques.payload, joint, kept)?);
         join(&mut self.tip, of_arm(&torques.tip, joint, kept)?);
         join(&mut self.tilt, of_arm(&torques.tilt, joint, kept)?);

@@ -29,7 +29,7 @@ pub struct Found {
     /// The causes; none of them is one of the possibilities.
     pub shared: Vec<Shared>,
     /// By which the joints are better told with them.
-    nats: f64,
+    pub nats: f64,
 }
 
 /// A shared cause as one joint has it: its columns, and what the other joints say of their amplitudes.
@@ -76,7 +76,15 @@ pub fn searched(
         vec![recorded]
     };
     let [payload, tilt] = Cause::OF_MASSES;
-    let causes: [&[Cause]; 3] = [&[payload], &[tilt], &Cause::OF_MASSES];
+    let masses = Cause::Masses(robot.chain.joint_count());
+    // where gravity points is told by masses that are known
+    let causes: [&[Cause]; 5] = [
+        &[payload],
+        &[tilt],
+        &Cause::OF_MASSES,
+        &[masses],
+        &[payload, masses],
+    ];
     let all = (0..arms.len()).flat_map(|arm| causes.map(|causes| (arm, causes)));
     let mut all: Vec<Found> = all
         .filter_map(|(arm, causes)| beside(robot, &arms, arm, causes))
@@ -126,13 +134,15 @@ pub struct Late {
 
 /// One delay of all references beside the shared causes that are told, where the joints are better told with it.
 pub fn late(robot: &Robot, arms: &[Arm], told: &Found) -> Option<Late> {
-    let with_delay = |cause: &Cause| *cause == Cause::Delay || told.causes().any(|of| of == *cause);
-    let causes: Vec<Cause> = Cause::ALL.into_iter().filter(with_delay).collect();
+    let mut causes: Vec<Cause> = told.causes().collect();
+    // a payload is the first
+    let place = usize::from(causes.first() == Some(&Cause::Payload));
+    causes.insert(place, Cause::Delay);
     let late = beside(robot, arms, told.arm, &causes)?;
     let nats = late.nats - told.nats;
     let mut shared = late.shared.into_iter();
     let delay = shared.find(|shared| shared.cause() == Cause::Delay)?;
-    let told = delay.told(1.0, BTreeMap::new()).effect;
+    let told = delay.told(1.0, BTreeMap::new())?.effect;
     let delay_s = told.parameters.get("delay_s")?.value;
     (nats > 0.0).then_some(Late { delay_s, nats })
 }
@@ -176,7 +186,7 @@ fn beside(robot: &Robot, arms: &[Arm], arm: usize, causes: &[Cause]) -> Option<F
     let columns = |joint: &Joint, centre_m: [f64; 3]| {
         let each = causes.iter().map(|cause| match cause {
             Cause::Payload => joint.rows.payload_at(centre_m),
-            Cause::Delay | Cause::Tilt => joint.of_arm(*cause).to_vec(),
+            Cause::Delay | Cause::Masses(_) | Cause::Tilt => joint.of_arm(*cause).to_vec(),
         });
         each.flatten().collect::<Vec<Vec<f64>>>()
     };
@@ -212,7 +222,7 @@ fn beside(robot: &Robot, arms: &[Arm], arm: usize, causes: &[Cause]) -> Option<F
         // a payload is the first
         let centre_m = match causes[0] {
             Cause::Payload => [1, 2, 3].map(|k| said[k] / said[0]),
-            Cause::Delay | Cause::Tilt => [0.0; 3],
+            Cause::Delay | Cause::Masses(_) | Cause::Tilt => [0.0; 3],
         };
         if causes.contains(&Cause::Tilt) {
             // it is the last

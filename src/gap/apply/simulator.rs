@@ -8,6 +8,7 @@ use gap_diagnosis::report::{JointReport, Report};
 use robot::{Effect, EffectKind, Outcome, Part, Simulator, SimulatorFile};
 use serde::Serialize;
 
+use super::links::BY_HAND;
 use super::{OF_SENSOR, check_name, effects_of, names_nothing, to_effect};
 use crate::cli::GapApplyArguments;
 use crate::error::CliError;
@@ -258,9 +259,10 @@ fn add_all(
     for joint in &report.joints {
         for found in joint
             .named()
-            .filter(|found| joint.is_of_sensor(&found.effect))
+            .filter(|found| found.of_links || joint.is_of_sensor(&found.effect))
         {
-            adding.leave(&joint.joint, &to_effect(found)?, found.share, OF_SENSOR);
+            let why = if found.of_links { BY_HAND } else { OF_SENSOR };
+            adding.leave(&joint.joint, &to_effect(found)?, found.share, why);
         }
     }
     Ok(adding.all)

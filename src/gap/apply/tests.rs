@@ -312,3 +312,39 @@ fn a_joint_that_is_not_there_is_named() {
     let refused = with_effects(ROBOT, &report).unwrap_err();
     assert!(refused.contains("`elbow`"), "{refused}");
 }
+
+#[test]
+fn links_that_weigh_other_than_the_file_says_are_written_into_their_tables() {
+    let number = |value: f64| json!({ "value": value, "std": 0.01, "at_bound": false });
+    let weighs = Effect::GravityTorque {
+        sin_nm: 1.0,
+        cos_nm: 0.0,
+    };
+    let mut effect = found(&weighs);
+    effect["of_links"] = true.into();
+    let mut report = report(json!([effect]), json!([]));
+    report.links = serde_json::from_value(json!([{
+        "joint": "shoulder", "mass_kg": number(0.5), "inertia_part": number(-0.5),
+        "centre_of_mass_m": [number(0.0), number(0.01), number(-0.05)]
+    }]))
+    .unwrap();
+    let text = |text: &str| {
+        let (with_effects, changes) = with_effects(text, &report).unwrap();
+        // what links do to a joint is no effect of its own
+        assert!(changes.is_empty(), "{changes:?}");
+        super::links::with_links(&with_effects, &report).unwrap()
+    };
+    let mended = text(ROBOT);
+    assert_eq!(mended.changes.len(), 1);
+    let robot = built(&mended.text);
+    let link = robot.chain.links()[0];
+    assert_eq!(link.mass_kg, 2.5);
+    assert_eq!(link.centre_of_mass_m.as_slice(), [0.0, 0.01, 0.15]);
+    assert_eq!(link.inertia_kg_m2[(2, 2)], 0.002);
+    assert!(mended.text.contains("# its name"), "{}", mended.text);
+    // whose bodies are a description's
+    let described = ROBOT.replace("[[link]]", "[[other]]");
+    let left = text(&described);
+    assert_eq!(left.text, described);
+    assert!(left.left_out[0].contains("links"), "{:?}", left.left_out);
+}

@@ -404,6 +404,7 @@ mod tests {
                 share_low: 0.4,
                 share_high: 0.6,
                 shrink_alone: 0.5,
+                of_links: false,
             })
         };
         let spring = named(

@@ -1,0 +1,157 @@
+//! Links that weigh other than the robot file says are told as what they are, and leave each joint its friction.
+
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use gap_diagnosis::report::{DataFinding, Report};
+use gap_diagnosis::{Options, diagnose};
+use joint_model::rigid_body::Chain;
+use recording::{JointColumns, Recording, Signal};
+use robot::{Robot, RobotFile, Source};
+
+const RATE_HZ: f64 = 200.0;
+const AXES: [&str; 5] = ["z", "y", "y", "x", "y"];
+/// By the file: kilograms, and metres along the link's z.
+const FILE: [(f64, f64); 5] = [(8.0, 0.1), (6.0, 0.2), (4.0, 0.15), (2.0, 0.1), (1.0, 0.05)];
+/// Beside a viscous friction of a fifth of it, Nm.
+const COULOMB_NM: [f64; 5] = [6.0, 7.0, 4.0, 2.0, 1.0];
+
+fn robot(links: [(f64, f64); 5]) -> Robot {
+    let mut text = "name = \"arm\"\n".to_owned();
+    for (joint, (mass, centre)) in links.iter().enumerate() {
+        let axis = ["x", "y", "z"].map(|axis| f64::from(u8::from(AXES[joint] == axis)));
+        let inertia = 0.01 * mass;
+        text += &format!(
+            "[[link]]\njoint = \"j{joint}\"\norigin_m = [0.0, 0.0, 0.3]\naxis = {axis:?}\nmass_kg = {mass}\n\
+             centre_of_mass_m = [0.0, 0.01, {centre}]\n\
+             inertia_kg_m2 = {{ xx = {inertia}, yy = {inertia}, zz = {inertia} }}\n[[joint]]\nname = \"j{joint}\"\n"
+        );
+    }
+    let file = RobotFile::parse(&text, "arm.toml").unwrap();
+    file.build(Source::File(PathBuf::from("arm.toml"))).unwrap()
+}
+
+/// Along sines, with noise of 2 % of the friction.
+fn recorded(real: &Robot) -> Recording {
+    let chain = real.loaded_chain().unwrap();
+    let rows = (30.0 * RATE_HZ) as usize;
+    let time_s: Vec<f64> = (0..rows).map(|k| k as f64 / RATE_HZ).collect();
+    let mut columns = vec![[Vec::new(), Vec::new()]; AXES.len()];
+    let mut seed = 5_u64;
+    for t in &time_s {
+        let mut motion = [[0.0; 5]; 3];
+        for joint in 0..AXES.len() {
+            for (size, rate) in [
+                (0.7, 0.7 + 0.13 * joint as f64),
+                (0.25, 2.3 - 0.11 * joint as f64),
+            ] {
+                let phase = rate * t + 1.7 * joint as f64;
+                motion[0][joint] += size * phase.sin();
+                motion[1][joint] += size * rate * phase.cos();
+                motion[2][joint] -= size * rate * rate * phase.sin();
+            }
+        }
+        let mut torque_nm = [0.0; 5];
+        chain.inverse_dynamics(&motion[0], &motion[1], &motion[2], &mut torque_nm);
+        for (joint, [position, torque]) in columns.iter_mut().enumerate() {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            let noise = (seed >> 33) as f64 / f64::from(1_u32 << 30) - 1.0;
+            let velocity = motion[1][joint];
+            position.push(motion[0][joint]);
+            let friction_nm = velocity.signum() + 0.2 * velocity + 0.02 * noise;
+            torque.push(torque_nm[joint] + COULOMB_NM[joint] * friction_nm);
+        }
+    }
+    let joints = columns
+        .into_iter()
+        .enumerate()
+        .map(|(joint, [position, torque])| JointColumns {
+            name: format!("j{joint}"),
+            signals: BTreeMap::from([
+                (Signal::LinkPositionRad, position),
+                (Signal::MotorTorqueNm, torque),
+            ]),
+        });
+    Recording {
+        time_s,
+        segment: None,
+        joints: joints.collect(),
+        sample_rate_hz: RATE_HZ,
+        metadata: BTreeMap::new(),
+        truncated: false,
+    }
+}
+
+fn told(real: [(f64, f64); 5]) -> Report {
+    let recordings = [("log".to_owned(), recorded(&robot(real)))];
+    let told = diagnose(&robot(FILE), &recordings, &Options::default(), &|_| ());
+    told.unwrap().report
+}
+
+fn has_its_friction(report: &Report) {
+    for (joint, coulomb_nm) in report.joints.iter().zip(COULOMB_NM) {
+        let mut effects = joint.effects.iter();
+        let found = effects.find(|effect| effect.effect == "coulomb_friction");
+        let value = found.unwrap().parameters["coulomb_nm"].value;
+        assert!(
+            (value / coulomb_nm - 1.0).abs() < 0.05,
+            "{}: {value}",
+            joint.joint
+        );
+    }
+}
+
+#[test]
+fn links_that_weigh_other_than_the_file_says_are_told_and_friction_is_as_it_is() {
+    let real = [
+        (8.0, 0.1),
+        (7.8, 0.25),
+        (2.8, 0.2),
+        (2.7, 0.07),
+        (1.0, 0.05),
+    ];
+    let report = told(real);
+    has_its_friction(&report);
+    assert!(
+        report.shared_effects.is_empty(),
+        "{:?}",
+        report.shared_effects
+    );
+    let mut found = robot(FILE).chain.links().to_vec();
+    for (link, change) in found.iter_mut().zip(&report.links) {
+        link.mass_kg += change.mass_kg.value;
+        for axis in 0..3 {
+            link.centre_of_mass_m[axis] += change.centre_of_mass_m[axis].value;
+        }
+    }
+    let real = robot(real).chain;
+    let found = Chain::new(&found, real.gravity_m_s2(), real.tool()).unwrap();
+    for pose in [[0.0, 0.6, 0.3, -0.4, 0.5], [0.3, -0.5, 0.9, 0.2, -0.7]] {
+        let [mut needed_nm, mut found_nm] = [[0.0; 5]; 2];
+        real.gravity_torque(&pose, &mut needed_nm);
+        found.gravity_torque(&pose, &mut found_nm);
+        for joint in 1..3 {
+            let part = found_nm[joint] / needed_nm[joint];
+            assert!(
+                (part - 1.0).abs() < 0.03,
+                "{joint}: {found_nm:?} {needed_nm:?}"
+            );
+        }
+    }
+    let weighs = report.joints[1]
+        .effects
+        .iter()
+        .find(|effect| effect.of_links);
+    assert_eq!(weighs.unwrap().effect, "gravity_torque");
+    let is_told = |finding: &DataFinding| finding.what.starts_with("the links' masses");
+    assert!(report.data.iter().any(is_told), "{:?}", report.data);
+}
+
+#[test]
+fn links_within_their_tolerance_are_not_told() {
+    let report = told(FILE.map(|(mass, centre)| (1.02 * mass, 0.98 * centre)));
+    has_its_friction(&report);
+    assert!(report.links.is_empty(), "{:?}", report.links);
+}
