@@ -8,7 +8,7 @@ use robot::Effect;
 
 use super::motion::JointMotion;
 use crate::effects::GAIN;
-use crate::evidence::told::{self, Called};
+use crate::evidence::told::{self, Called, MATERIALITY};
 use crate::evidence::{AMPLITUDE_NATS, ERRORS, Fit, NAME_NATS, Presupposed};
 use crate::report::Parameter;
 use crate::twin::joint::JointModel;
@@ -25,8 +25,6 @@ const EXPECTED_NATS: f64 = 2.0;
 const STICKS: f64 = 2.0;
 /// Cost of a freedom, in nats.
 const FREEDOM_NATS: f64 = 0.5;
-/// Part of gravity that must lie across a joint's axis somewhere for gravity to turn it.
-const ACROSS: f64 = 0.02;
 
 /// A law of motion at one joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -91,7 +89,7 @@ impl Law {
         if carries {
             all.extend([Self::LoadDependent, Self::TorqueConstant]);
         }
-        if gravity_part > ACROSS {
+        if gravity_part > MATERIALITY {
             all.push(Self::Gravity);
         }
         all

@@ -131,7 +131,7 @@ pub fn note(robot: &Robot, changes: &[LinkChange], nats: f64) -> DataFinding {
         severity: "warning".to_owned(),
         what: format!(
             "the links' masses, centres or inertias are wrong by more than parameter_tolerance = {tolerance} lets them, by {nats:.0} nats a better \
-             explanation than anything else that all joints share. Of the link behind each joint: {}. Torques tell sums of them, so others may \
+             explanation of all joints. Of the link behind each joint: {}. Torques tell sums of them, so others may \
              be wrong instead",
             told.join("; ")
         ),
