@@ -226,6 +226,14 @@ impl Cells for Line<'_> {
         if let Some(date) = Instant::from_date(&cell) {
             return Ok(Some(date));
         }
+        if cell.contains(['/', ':']) {
+            let (place, (column, cell)) = (self.place(), self.describe(field));
+            return Err(ReadProblem::NotADate {
+                place,
+                column,
+                cell,
+            });
+        }
         match self.with_point(&cell) {
             Some(number) => Ok(Instant::from_decimal(&number, unit)),
             None => Err(self.not_a_number(field)),
