@@ -493,3 +493,46 @@ fn a_velocity_that_lags_is_left_out() {
     let signals: Vec<Signal> = guess.columns.iter().map(|found| found.signal).collect();
     assert_eq!(signals, [Signal::LinkPositionRad, Signal::JointTorqueNm]);
 }
+
+/// Messages as `rostopic echo -p` writes them, one a row.
+fn echoed(header: &str, row: impl Fn(f64) -> String) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("echo.csv");
+    let mut text = format!("{header}\n");
+    for index in 0..500_u64 {
+        let time_s = index as f64 * 0.002;
+        let stamp_ns = 1_700_000_000_000_000_000 + 2_000_000 * index;
+        writeln!(text, "{stamp_ns},{}", row(time_s)).unwrap();
+    }
+    std::fs::write(&path, text).unwrap();
+    (folder, path)
+}
+
+#[test]
+fn a_message_that_was_echoed_tells_its_joints() {
+    let header = "%time,field.header.seq,field.name0,field.name1,field.position0,field.position1,field.effort0,field.effort1";
+    let row = |time_s: f64| format!("7,wrist,elbow,{},0.25,3.5,-1", swing(time_s).0);
+    let (_folder, path) = echoed(header, row);
+    let joints = guess_joints(&[("elbow", 1.0), ("wrist", 1.0)]);
+    let (recording, _) = read_guessing(&path, &joints).unwrap();
+    assert!((recording.sample_rate_hz - 500.0).abs() < 1e-6);
+    assert_eq!(
+        recording.signal("elbow", Signal::LinkPositionRad).unwrap()[9],
+        0.25
+    );
+    assert_eq!(
+        recording.signal("wrist", Signal::JointTorqueNm).unwrap()[9],
+        3.5
+    );
+    // two publishers by turns: no column is of one joint
+    let row = |time_s: f64| {
+        let names = if time_s < 0.5 {
+            "wrist,elbow"
+        } else {
+            "elbow,wrist"
+        };
+        format!("7,{names},{},0.25,3.5,-1", swing(time_s).0)
+    };
+    let (_folder, path) = echoed(header, row);
+    assert!(guess(&path, &joints).unwrap().columns.is_empty());
+}
