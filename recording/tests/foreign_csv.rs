@@ -468,6 +468,7 @@ fn cells_that_are_lists_are_tables_of_joints() {
         gear_ratio: 1.0,
         is_limited: true,
         has_rotor: false,
+        slides: false,
     });
     let (recording, guess) = read_guessing(&path, &joints).unwrap();
     assert_eq!(guess.unwrap().columns.len(), 4);
