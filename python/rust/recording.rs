@@ -169,11 +169,13 @@ fn view<'py>(of: &Bound<'py, Recording>, values: &[f64]) -> PyResult<Bound<'py, 
 fn guess_joints(robot: &Robot) -> Vec<GuessJoint> {
     let joints = robot.built.joints.iter();
     joints
-        .map(|joint| GuessJoint {
+        .enumerate()
+        .map(|(index, joint)| GuessJoint {
             name: joint.name.clone(),
             gear_ratio: joint.gear_ratio,
             is_limited: joint.position_limit_rad.is_some(),
             has_rotor: joint.rotor_inertia_kg_m2 > 0.0,
+            slides: robot.built.slides(index),
         })
         .collect()
 }

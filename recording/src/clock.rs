@@ -3,6 +3,8 @@
 //! Seconds since 1970 in one floating-point number are 0.24 µs apart, so whole seconds and the part of a second are kept
 //! separately until the first row's time was taken off.
 
+use crate::names::words;
+
 /// Times later than this, in seconds, are since 1970: the least is in 1973, and no machine has run for three years.
 const SINCE_1970_S: f64 = 1e8;
 
@@ -104,17 +106,25 @@ impl Instant {
         })
     }
 
-    /// A date and time of day as ISO 8601 writes them, with `T` or a space between; without an offset it is UTC.
+    /// A date and time of day as ISO 8601 writes them, with `T` or a space between, or with the day and the month first where it is
+    /// certain which is which; without an offset it is UTC.
     pub(crate) fn from_date(text: &str) -> Option<Self> {
-        let (date, time) = text.split_at_checked(10)?;
-        let time = time.strip_prefix(['T', 't', ' '])?;
-        let (year, month, day) = (
-            digits(date.get(..4)?)?,
-            digits(date.get(5..7)?)?,
-            digits(date.get(8..10)?)?,
-        );
-        let separated = date.as_bytes()[4] == b'-' && date.as_bytes()[7] == b'-';
-        if !separated || !(1..=12).contains(&month) || !(1..=31).contains(&day) {
+        let (date, time) = text.split_once(['T', 't', ' '])?;
+        let mark = date.chars().find(|c| !c.is_ascii_digit())?;
+        let fields: Vec<&str> = date.split(mark).collect();
+        let &[first, second, third] = &fields[..] else {
+            return None;
+        };
+        let lengths = [first, second, third].map(str::len);
+        let (first, second, third) = (digits(first)?, digits(second)?, digits(third)?);
+        let (year, month, day) = match (lengths, mark) {
+            ([4, 2, 2], '-') => (first, second, third),
+            ([1..=2, 1..=2, 4], '.') => (third, second, first),
+            ([1..=2, 1..=2, 4], '/') if first > 12 || first == second => (third, second, first),
+            ([1..=2, 1..=2, 4], '/') if second > 12 => (third, first, second),
+            _ => return None,
+        };
+        if !(1..=12).contains(&month) || !(1..=31).contains(&day) {
             return None;
         }
         let (time, offset_s) = split_offset(time)?;
@@ -265,43 +275,54 @@ fn guess_unit(times: &[Instant]) -> UnitsPerSecond {
 
 /// Whether a column's name says that it holds the time, and in which unit.
 pub(crate) fn time_column(name: &str) -> Option<Option<UnitsPerSecond>> {
-    let name = name.trim().to_lowercase();
-    let words: Vec<&str> = name
-        .split(|c: char| !c.is_alphanumeric() && c != 'µ')
-        .filter(|word| !word.is_empty())
-        .collect();
+    let words = words(name);
+    let words: Vec<&str> = words.iter().map(|word| &**word).collect();
     let (unit, words) = match words.split_last() {
-        Some((last, before)) if !before.is_empty() => match *last {
-            "s" | "sec" | "secs" | "seconds" => (Some(UnitsPerSecond::SECONDS), before),
-            "ms" | "msec" | "millis" | "milliseconds" => {
-                (Some(UnitsPerSecond::MILLISECONDS), before)
-            }
-            "us" | "µs" | "usec" | "micros" | "microseconds" => {
-                (Some(UnitsPerSecond::MICROSECONDS), before)
-            }
-            "ns" | "nsec" | "nanos" | "nanoseconds" => (Some(UnitsPerSecond::NANOSECONDS), before),
-            _ => (None, &words[..]),
+        Some((last, before)) if !before.is_empty() => match unit_of_time(last) {
+            None => (None, &words[..]),
+            unit => (unit, before),
         },
         _ => (None, &words[..]),
     };
+    if let [unit] = words
+        && *unit != "s"
+        && let Some(unit) = unit_of_time(unit)
+    {
+        return Some(Some(unit));
+    }
     matches!(
         words,
         ["t" | "time" | "timestamp" | "stamp" | "ts" | "zeit" | "datetime" | "timestamps"]
-            | ["time" | "unix", "stamp" | "time"]
+            | ["time" | "unix" | "date", "stamp" | "time"]
             | ["elapsed", "time"]
             | ["elapsed"]
     )
     .then_some(unit)
 }
 
-/// The one of these columns that is the time by its name: the only one, or the only one that tells its unit too.
+fn unit_of_time(word: &str) -> Option<UnitsPerSecond> {
+    Some(match word {
+        "s" | "sec" | "secs" | "seconds" => UnitsPerSecond::SECONDS,
+        "ms" | "msec" | "millis" | "milliseconds" => UnitsPerSecond::MILLISECONDS,
+        "us" | "µs" | "usec" | "micros" | "microseconds" => UnitsPerSecond::MICROSECONDS,
+        "ns" | "nsec" | "nsecs" | "nanosec" | "nanos" | "nanoseconds" => {
+            UnitsPerSecond::NANOSECONDS
+        }
+        _ => return None,
+    })
+}
+
+/// The one of these columns that is the time by its name: the only one, or the only one that tells its unit too. One that is called
+/// by the unit alone is where there is no other: it may be a part of a time, as `sec` beside `nanosec` is.
 pub(crate) fn only_time_column<'a>(
     names: impl Iterator<Item = &'a str>,
 ) -> Option<(usize, Option<UnitsPerSecond>)> {
     let times = names.enumerate();
-    let times: Vec<_> = times
-        .filter_map(|(column, name)| Some((column, time_column(name)?)))
-        .collect();
+    let (units, times): (Vec<_>, Vec<_>) = times
+        .filter_map(|(column, name)| Some((name, (column, time_column(name)?))))
+        .partition(|(name, _)| unit_of_time(&words(name).concat()).is_some());
+    let times = if times.is_empty() { units } else { times };
+    let times: Vec<_> = times.into_iter().map(|(_, time)| time).collect();
     let mut with_unit = times.iter().filter(|(_, unit)| unit.is_some());
     match (&times[..], with_unit.next(), with_unit.next()) {
         ([time], _, _) | (_, Some(time), None) => Some(*time),
@@ -350,8 +371,21 @@ mod tests {
             Instant::from_date("2024-02-29T00:00Z").unwrap().whole_s,
             1_709_164_800
         );
+        for text in [
+            "13/05/2024 0:53",
+            "5/13/2024 0:53:00",
+            "13.05.2024 00:53",
+            "13.5.2024 00:53:00.000",
+        ] {
+            let date = Instant::from_date(text).unwrap();
+            assert_eq!(date.seconds, 1_715_561_580.0, "{text}");
+        }
         for wrong in [
             "2023-13-14T00:00Z",
+            "05/06/2024 00:53",
+            "13/14/2024 00:53",
+            "13-05-2024 00:53",
+            "13/05/2024/1 00:53",
             "2023-11-14",
             "2023-11-14T25:61:00Z",
             "2023-11-14T1é:00:00",
@@ -386,6 +420,9 @@ mod tests {
             ("Time [µs]", Some(UnitsPerSecond::MICROSECONDS)),
             ("time (s)", Some(UnitsPerSecond::SECONDS)),
             ("stamp_ns", Some(UnitsPerSecond::NANOSECONDS)),
+            ("milliseconds", Some(UnitsPerSecond::MILLISECONDS)),
+            ("ElapsedMilliseconds", Some(UnitsPerSecond::MILLISECONDS)),
+            ("DateTime", None),
         ] {
             assert_eq!(time_column(name), Some(unit), "{name}");
         }
@@ -395,6 +432,10 @@ mod tests {
         assert_eq!(only(&["q", "TS"]), Some(1));
         assert_eq!(only(&["t_ms", "t_us"]), None);
         assert_eq!(only(&["t", "stamp"]), None);
+        assert_eq!(only(&["ms", "q"]), Some(0));
+        // a part of a second beside the time, and times in two parts
+        assert_eq!(only(&["ms", "t"]), Some(1));
+        assert_eq!(only(&["sec", "nanosec"]), None);
         for other in ["s", "torque", "time_constant", "q", ""] {
             assert_eq!(time_column(other), None, "{other}");
         }

@@ -253,7 +253,11 @@ pub enum ReadProblem {
         value: f64,
     },
     /// Nothing says how fast it was recorded.
-    #[error("has {rows} rows, from which no sample rate can be told; give `sample_rate_hz` in {}", source_of_rate.display())]
+    #[error(
+        "has {rows} rows, from which no sample rate can be told{}; give `sample_rate_hz` in {}",
+        if *rows > 1 { ": all times are the same, as where the clock tells whole minutes" } else { "" },
+        source_of_rate.display()
+    )]
     SampleRateUnknown {
         /// How many there are.
         rows: usize,
@@ -327,6 +331,21 @@ pub enum ReadProblem {
         one_line(cell)
     )]
     NotANumber {
+        /// Line or row.
+        place: Place,
+        /// The header's name.
+        column: String,
+        /// What is there.
+        cell: String,
+    },
+    /// A time that is written as a date is, in an order that is not known.
+    #[error(
+        "{place}, column `{}`: `{}` is not a date that can be read; write it as `2024-05-13 00:53:12.345` (`13/05/2024 0:53` is read too, \
+         where only one of the two can be the month)",
+        one_line(column),
+        one_line(cell)
+    )]
+    NotADate {
         /// Line or row.
         place: Place,
         /// The header's name.

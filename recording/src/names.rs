@@ -83,6 +83,20 @@ const MOTOR: &[&str] = &["motor", "mot", "rotor", "drive"];
 const LINK: &[&str] = &["link", "joint", "load", "output"];
 /// Said of measured values, and of nothing else.
 const MEASURED: &[&str] = &["measured", "meas", "actual", "act"];
+/// Said of what stands for measured values where there are none.
+const ESTIMATED: &[&str] = &["est", "estimated", "applied"];
+/// Said of what a model makes.
+const COMPUTED: &[&str] = &[
+    "cal",
+    "calc",
+    "calculated",
+    "computed",
+    "model",
+    "predicted",
+    "pred",
+    "sim",
+    "simulated",
+];
 /// Said of what is computed from values of that kind, or bounds them.
 const OF_OTHERS: &[&str] = &[
     "error",
@@ -109,6 +123,29 @@ const FILLERS: &[&str] = &[
     "data",
     "dof",
     "dofs",
+    "field",
+];
+/// What names of quantities have behind them before an axis' number: `posa1`, `torquej2`.
+const AXES: &[&str] = &["joint", "axis", "j", "a"];
+/// What a joint that slides has instead of an angle and a torque.
+const OF_SLIDES: &[(&str, Quantity)] = &[
+    ("x", Quantity::Position),
+    ("displacement", Quantity::Position),
+    ("v", Quantity::Velocity),
+    ("xd", Quantity::Velocity),
+    ("dx", Quantity::Velocity),
+    ("xdot", Quantity::Velocity),
+    ("f", Quantity::Torque),
+    ("force", Quantity::Torque),
+];
+/// Its units, as [`UNITS`] has them.
+const UNITS_OF_SLIDES: &[(&str, Quantity, f64)] = &[
+    ("m", Quantity::Position, 1.0),
+    ("cm", Quantity::Position, 1e-2),
+    ("mm", Quantity::Position, 1e-3),
+    ("n", Quantity::Torque, 1.0),
+    ("mn", Quantity::Torque, 1e-3),
+    ("kn", Quantity::Torque, 1e3),
 ];
 /// Unit, what it is a unit of, and SI per unit. Of a velocity per second where a time does not follow.
 const UNITS: &[(&str, Quantity, f64)] = &[
@@ -150,7 +187,11 @@ const SPELLINGS: &[(&str, &str)] = &[
     ("N*m", "Nm"),
     ("N.m", "Nm"),
     ("N-m", "Nm"),
+    ("set_point", "setpoint"),
+    (PROCESS_VALUE, "position"),
 ];
+/// What ROS's controllers of one joint measure: its position, or its velocity where that is what they control.
+pub(crate) const PROCESS_VALUE: &str = "process_value";
 
 /// Whether these are the units of columns: known ones, or nothing.
 pub(crate) fn are_units(fields: &[String]) -> bool {
@@ -174,20 +215,70 @@ fn spelled(name: &str) -> String {
     name
 }
 
-/// What is left of a column's name without that joint's, if it is in there.
+/// What is left of a column's name without that joint's, if it is in there, in words parted as may be: `joint 1` is `joint1`.
 pub(crate) fn without_joint(column: &str, joint: &str) -> Option<String> {
-    let (mut column, joint) = (words(&spelled(column)), words(joint));
-    let at = column
-        .windows(joint.len().max(1))
-        .position(|part| part == joint)?;
-    column.drain(at..at + joint.len());
+    let (mut column, joint) = (words(&spelled(column)), together(&words(joint)));
+    let starts = 0..column.len();
+    let mut parts = starts.flat_map(|from| (from..column.len()).map(move |to| from..=to));
+    let part = parts.find(|part| together(&column[part.clone()]) == joint)?;
+    column.drain(part);
     Some(column.join("_"))
 }
 
-/// Whether a name says that its values were measured.
-pub(crate) fn says_measured(name: &str) -> bool {
-    let is_said = |word: &String| MEASURED.contains(&without_number(word));
-    words(name).iter().any(is_said)
+/// Words as one; two numbers are not one.
+fn together(words: &[String]) -> String {
+    let mut all = String::new();
+    for word in words {
+        let is_digit = |c: Option<char>| c.is_some_and(|c| c.is_ascii_digit());
+        if is_digit(all.chars().last()) && is_digit(word.chars().next()) {
+            all.push('_');
+        }
+        all.push_str(word);
+    }
+    all
+}
+
+/// How far from a measurement a name says that its values are: measured, nothing, estimated, a model's.
+pub(crate) fn remoteness(name: &str) -> u8 {
+    let words = words(name);
+    let says = |known: &[&str]| {
+        words
+            .iter()
+            .any(|word| known.contains(&without_number(word)))
+    };
+    match (says(COMPUTED), says(MEASURED), says(ESTIMATED)) {
+        (true, _, _) => 3,
+        (_, true, _) => 0,
+        (_, _, true) => 2,
+        _ => 1,
+    }
+}
+
+/// Whether a word says nothing about what kind of value it is beside.
+fn is_filler(word: &str) -> bool {
+    [FILLERS, MEASURED, ESTIMATED]
+        .iter()
+        .any(|known| known.contains(&word))
+}
+
+/// The kind of value that a word is of.
+fn quantity_of(word: &str) -> Option<Quantity> {
+    let known = [
+        (POSITION, Quantity::Position),
+        (VELOCITY, Quantity::Velocity),
+        (TORQUE, Quantity::Torque),
+        (CURRENT, Quantity::Current),
+        (TEMPERATURE, Quantity::Temperature),
+    ];
+    let mut known = known.into_iter();
+    known.find_map(|(words, quantity)| words.contains(&word).then_some(quantity))
+}
+
+/// `pos` of the `posa` of `posa1`, where that is a word.
+fn without_axis(letters: &str) -> &str {
+    let stems = AXES.iter().filter_map(|axis| letters.strip_suffix(axis));
+    let mut known = stems.filter(|stem| stem.len() > 2 && quantity_of(stem).is_some());
+    known.next().unwrap_or(letters)
 }
 
 /// How many words of a name say nothing that is known: `filt` in `pos_filt1`.
@@ -207,7 +298,7 @@ pub(crate) fn family(rest: &[String]) -> String {
     let words = words.chain([without_number(last)]);
     let says_more = |word: &&str| {
         let is_any = matches!(*word, "" | "joint" | "j" | "axis");
-        !is_any && !MEASURED.contains(word) && !FILLERS.contains(word)
+        !is_any && !is_filler(word)
     };
     words.filter(says_more).collect::<Vec<_>>().join("_")
 }
@@ -274,6 +365,15 @@ fn in_brackets(name: &str) -> Option<String> {
 
 /// What the name of a column or an array says, if it says what kind of value it holds.
 pub(crate) fn meaning(name: &str) -> Option<Meaning> {
+    read_name(name, false)
+}
+
+/// The same of a joint that slides: the rad and Nm of its signals are m and N.
+pub(crate) fn meaning_of_slide(name: &str) -> Option<Meaning> {
+    read_name(name, true)
+}
+
+fn read_name(name: &str, slides: bool) -> Option<Meaning> {
     let (mut quantity, mut is_reference, mut is_motor, mut unit) = (None, false, None, None);
     let mut rest = Vec::new();
     for word in words(&spelled(name)) {
@@ -282,16 +382,13 @@ pub(crate) fn meaning(name: &str) -> Option<Meaning> {
         }
         let letters = without_number(&word);
         let number = &word[letters.len()..];
+        let letters = if number.is_empty() {
+            letters
+        } else {
+            without_axis(letters)
+        };
         let is = |known: &[&str]| known.contains(&letters);
-        let named = [
-            (POSITION, Quantity::Position),
-            (VELOCITY, Quantity::Velocity),
-            (TORQUE, Quantity::Torque),
-            (CURRENT, Quantity::Current),
-            (TEMPERATURE, Quantity::Temperature),
-        ]
-        .into_iter()
-        .find_map(|(words, quantity)| is(words).then_some(quantity));
+        let named = quantity_of(letters);
         let unit_of_word = UNITS
             .iter()
             .find(|(unit, _, _)| *unit == letters && number.is_empty());
@@ -312,13 +409,29 @@ pub(crate) fn meaning(name: &str) -> Option<Meaning> {
         } else if let Some(found) = unit_of_word.filter(|_| quantity.is_some()) {
             unit = Some(found);
             continue;
-        } else if !((is(FILLERS) || is(MEASURED)) && number.is_empty()) {
+        } else if !(is_filler(letters) && number.is_empty()) {
             rest.push(word.clone());
             continue;
         }
         if !number.is_empty() {
             rest.push(number.to_owned());
         }
+    }
+    if slides {
+        let of_slide = |word: &str| OF_SLIDES.iter().find(|(known, _)| *known == word);
+        if quantity.is_none()
+            && let Some(word) = rest
+                .iter_mut()
+                .find(|word| of_slide(without_number(word)).is_some())
+        {
+            quantity = of_slide(without_number(word)).map(|(_, quantity)| *quantity);
+            *word = word
+                .trim_start_matches(|c: char| !c.is_ascii_digit())
+                .to_owned();
+        }
+        let unit_of = |word: &String| UNITS_OF_SLIDES.iter().find(|(known, _, _)| known == word);
+        unit = unit.or_else(|| rest.iter().find_map(unit_of));
+        rest.retain(|word| !word.is_empty() && unit_of(word).is_none());
     }
     // An action with nothing else but a number is where a policy sends the joint.
     let is_number = |word: &String| word.bytes().all(|byte| byte.is_ascii_digit());
@@ -381,7 +494,8 @@ pub(crate) fn array_signal(name: &str) -> Option<Signal> {
     // A torque that was asked for at the joint is no signal: commands are the motor's.
     let unclear = meaning.quantity == Quantity::Torque
         && meaning.is_reference
-        && meaning.is_motor != Some(true);
+        && meaning.is_motor != Some(true)
+        || remoteness(name) > 1;
     (!unclear && meaning.rest.is_empty()).then(|| meaning.signal().0)
 }
 
@@ -414,6 +528,7 @@ mod tests {
             "q_left",
             "error_pos_deg",
             "q_max",
+            "tau_est",
             "",
         ] {
             assert_eq!(array_signal(other), None, "{other}");
@@ -445,6 +560,11 @@ mod tests {
             );
         }
         assert_eq!(meaning("torAct").unwrap().quantity, Quantity::Torque);
+        let told = meaning("torquea2").unwrap();
+        assert_eq!(
+            (told.quantity, told.rest),
+            (Quantity::Torque, vec!["2".to_owned()])
+        );
         assert_eq!(meaning("wrist_current_mA").unwrap().scale, Some(1e-3));
         for (name, scale) in [
             ("q [°]", PI / 180.0),
@@ -455,6 +575,41 @@ mod tests {
             assert_eq!((told.scale, told.rest), (Some(scale), vec![]), "{name}");
         }
         assert_eq!(meaning("comment"), None);
+    }
+
+    #[test]
+    fn a_slide_has_places_and_forces() {
+        for (name, signal, scale) in [
+            ("x", Signal::LinkPositionRad, None),
+            ("v_des", Signal::ReferenceVelocityRadS, None),
+            ("F [kN]", Signal::JointTorqueNm, Some(1e3)),
+            ("velocity_mm_s", Signal::LinkVelocityRadS, Some(1e-3)),
+            ("pos (m)", Signal::LinkPositionRad, Some(1.0)),
+            ("force_n", Signal::JointTorqueNm, Some(1.0)),
+        ] {
+            let told = meaning_of_slide(name).unwrap();
+            assert_eq!(
+                (told.signal().0, told.scale, told.rest),
+                (signal, scale, vec![]),
+                "{name}"
+            );
+        }
+        assert_eq!(meaning_of_slide("x2").unwrap().rest, ["2"]);
+        for other in ["Fx", "force"] {
+            assert_eq!(meaning(other), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn a_joints_name_may_be_parted_otherwise() {
+        for (column, joint, rest) in [
+            ("joint 1 position", "joint1", Some("position")),
+            ("wrist1_pos", "wrist_1", Some("pos")),
+            ("link1_1_pos", "link11", None),
+            ("joint 10 pos", "joint1", None),
+        ] {
+            assert_eq!(without_joint(column, joint).as_deref(), rest, "{column}");
+        }
     }
 
     #[test]

@@ -17,6 +17,7 @@ fn read_guessed(path: &Path) -> Result<Recording, ReadProblem> {
         gear_ratio: 50.0,
         is_limited: true,
         has_rotor: false,
+        slides: false,
     });
     let read = read_guessing(path, &joints);
     read.map(|(recording, _)| recording)

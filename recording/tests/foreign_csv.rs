@@ -200,7 +200,7 @@ fn the_same_rows_are_the_same_recording_however_they_are_written() {
         let recording = Log::new(text).read();
         assert!(recording.same_table(&plain), "{kind}: {recording:?}");
     }
-    let since_1970: [(&str, String); 7] = [
+    let since_1970: [(&str, String); 9] = [
         (
             "seconds",
             pendulum("time_s", ",", ".", |ms| format!("1700000000.{ms:03}")),
@@ -228,6 +228,18 @@ fn the_same_rows_are_the_same_recording_however_they_are_written() {
             }),
         ),
         (
+            "dates with the day first",
+            pendulum("Date Time", ",", ".", |ms| {
+                format!("14/11/2023 22:13:20.{ms:03}")
+            }),
+        ),
+        (
+            "dates with the month first",
+            pendulum("time", ";", ",", |ms| {
+                format!("11/14/2023 22:13:20.{ms:03}")
+            }),
+        ),
+        (
             "local dates",
             pendulum("time_s", ",", ".", |ms| {
                 format!("2023-11-15 00:13:20.{ms:03}+02:00")
@@ -242,6 +254,21 @@ fn the_same_rows_are_the_same_recording_however_they_are_written() {
             "{kind}"
         );
     }
+}
+
+#[test]
+fn dates_that_tell_too_little_say_what_to_write() {
+    let dated = |date: &str| Log::new(format!("time,j.motor_torque_nm\n{date},1\n{date},2\n"));
+    let refusal = dated("05/06/2024 0:53").refusal();
+    assert!(
+        refusal.starts_with("line 2, column `time`: `05/06/2024 0:53` is not a date that can be"),
+        "{refusal}"
+    );
+    assert_eq!(
+        dated("13/05/2024 0:53").refusal(),
+        "has 2 rows, from which no sample rate can be told: all times are the same, as where the clock tells whole minutes; \
+         give `sample_rate_hz` in log.mapping.toml"
+    );
 }
 
 #[test]
@@ -441,6 +468,7 @@ fn cells_that_are_lists_are_tables_of_joints() {
         gear_ratio: 1.0,
         is_limited: true,
         has_rotor: false,
+        slides: false,
     });
     let (recording, guess) = read_guessing(&path, &joints).unwrap();
     assert_eq!(guess.unwrap().columns.len(), 4);

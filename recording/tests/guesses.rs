@@ -38,6 +38,7 @@ fn guess_joints(joints: &[(&str, f64)]) -> Vec<GuessJoint> {
         gear_ratio: *gear_ratio,
         is_limited: true,
         has_rotor: false,
+        slides: false,
     };
     joints.iter().map(joint).collect()
 }
@@ -492,4 +493,212 @@ fn a_velocity_that_lags_is_left_out() {
     assert_eq!(guess.left_out[0].0, "qd1");
     let signals: Vec<Signal> = guess.columns.iter().map(|found| found.signal).collect();
     assert_eq!(signals, [Signal::LinkPositionRad, Signal::JointTorqueNm]);
+}
+
+#[test]
+fn a_slide_is_known_by_its_place_and_its_force() {
+    let slides = |names: &[&str]| {
+        let joints: Vec<(&str, f64)> = names.iter().map(|name| (*name, 1.0)).collect();
+        let mut joints = guess_joints(&joints);
+        joints.iter_mut().for_each(|joint| joint.slides = true);
+        joints
+    };
+    for (header, scale) in [
+        ("x,v,F", 1.0),
+        ("pos,vel,force", 1.0),
+        ("position_m,velocity_m_s,force_n", 1.0),
+        ("x [mm],v [mm/s],F [mN]", 1e-3),
+    ] {
+        let log = Log::new(header, |time_s| vec![swing(time_s).0, swing(time_s).1, 2.0]);
+        let guess = guess(&log.path(), &slides(&["slide"])).unwrap();
+        let found: Vec<(Signal, f64, Sure)> = guess
+            .columns
+            .iter()
+            .map(|found| (found.signal, found.scale, found.sure))
+            .collect();
+        let expected = [
+            (Signal::LinkPositionRad, scale, Sure::Likely),
+            (Signal::LinkVelocityRadS, scale, Sure::Likely),
+            (Signal::JointTorqueNm, scale, Sure::Likely),
+        ];
+        for (found, expected) in found.iter().zip(expected) {
+            assert_eq!((found.0, found.2), (expected.0, expected.2), "{header}");
+            assert!((found.1 - expected.1).abs() < 1e-12, "{header}: {found:?}");
+        }
+        assert_eq!(found.len(), 3, "{header}: {:?}", guess.left_out);
+        // of a joint that turns these say nothing, but for the plain words
+        let turning = log.guess(&[("elbow", 1.0)]);
+        assert!(turning.columns.len() <= 2 && turning.doubtful().count() == 0);
+        assert!(
+            turning
+                .left_out
+                .iter()
+                .any(|(column, _)| column.to_lowercase().starts_with('f'))
+        );
+    }
+    // never degrees, and a place in space is not the joint's
+    let log = Log::new("x", |time_s| vec![300.0 * swing(time_s).0]);
+    let far = guess(&log.path(), &slides(&["slide"])).unwrap();
+    assert_eq!(
+        (far.columns[0].scale, far.columns[0].sure),
+        (1.0, Sure::Doubtful)
+    );
+    let log = Log::new("x,y", |time_s| vec![swing(time_s).0, 1.0]);
+    let tool = guess(&log.path(), &slides(&["slide"])).unwrap();
+    assert_eq!(doubts(&tool), ["x"]);
+    let log = Log::new("x1,x2,F1,F2", |time_s| vec![swing(time_s).0; 4]);
+    let gantry = guess(&log.path(), &slides(&["bridge", "trolley"])).unwrap();
+    assert_eq!((gantry.columns.len(), gantry.doubtful().count()), (4, 0));
+}
+
+#[test]
+fn an_estimate_goes_before_what_a_model_makes_and_behind_a_measurement() {
+    for (header, taken) in [
+        ("q1,tau_cal1,tau_est1", "tau_est1"),
+        ("q1,tau_est1,tau_meas1", "tau_meas1"),
+        ("q1,tau_est1,tau1", "tau1"),
+        ("q1,computed_torque1,applied_torque1", "applied_torque1"),
+    ] {
+        let guess = named(header, &["elbow"]);
+        let torque = guess
+            .columns
+            .iter()
+            .find(|found| found.signal == Signal::JointTorqueNm);
+        let torque = torque.unwrap();
+        assert_eq!(
+            (&*torque.column, torque.sure),
+            (taken, Sure::Likely),
+            "{header}"
+        );
+    }
+    // one joint without a number
+    let guess = named("position,velocity,applied_torque", &["axis"]);
+    assert_eq!(told(&guess, "applied_torque").1, Signal::JointTorqueNm);
+    let guess = named("q,tau_cal", &["axis"]);
+    assert_eq!(guess.left_out[0].0, "tau_cal");
+}
+
+#[test]
+fn joints_are_known_by_spaces_short_names_and_letters_before_their_number() {
+    for (header, joints) in [
+        ("joint 1 position,joint 2 position", ["joint1", "joint2"]),
+        (
+            "Joint 1 Torque [Nm],Joint 2 Torque [Nm]",
+            ["axis_1", "axis_2"],
+        ),
+        ("posa1,posa2", ["shoulder", "elbow"]),
+        ("torquej1,torquej2", ["shoulder", "elbow"]),
+        ("elbow_pos,fl_hip_pos", ["elbow_joint", "FL_hip_joint"]),
+        ("wrist1_vel,wrist2_vel", ["wrist_1", "wrist_2"]),
+    ] {
+        let guess = named(header, &joints);
+        let of: Vec<&str> = guess.columns.iter().map(|found| &*found.joint).collect();
+        assert_eq!(of, joints, "{header}: {:?}", guess.left_out);
+        assert_eq!(doubts(&guess), [""; 0], "{header}");
+    }
+    // what is left of a joint's name says which side it is
+    let guess = named("motor_torque", &["motor_joint"]);
+    assert_eq!(told(&guess, "motor_torque").1, Signal::MotorTorqueNm);
+    let guess = named("left_elbow_pos", &["elbow_joint", "wrist_joint"]);
+    assert_eq!(doubts(&guess), ["left_elbow_pos"]);
+}
+
+#[test]
+fn an_arm_may_be_called_as_its_maker_does() {
+    let joints = [
+        "ur_shoulder_pan_joint",
+        "ur_shoulder_lift_joint",
+        "ur_elbow_joint",
+        "ur_wrist_1_joint",
+        "ur_wrist_2_joint",
+        "ur_wrist_3_joint",
+    ];
+    let header = "wrist 3 position,wrist 2 position,wrist 1 position,elbow position,shoulder position,base position";
+    let guess = named(header, &joints);
+    assert_eq!(doubts(&guess), [""; 0], "{:?}", guess.columns);
+    assert_eq!(told(&guess, "base position").0, joints[0]);
+    assert_eq!(told(&guess, "shoulder position").0, joints[1]);
+    assert_eq!(told(&guess, "wrist 3 position").0, joints[5]);
+    let guess = named("shoulder_pan_pos,shoulder_lift_pos", &joints);
+    assert_eq!(told(&guess, "shoulder_pan_pos").0, joints[0]);
+    assert_eq!(doubts(&guess), [""; 0]);
+    // without a base the shoulder may be either
+    assert_eq!(
+        doubts(&named("shoulder_pos,elbow_pos", &joints)),
+        ["shoulder_pos"]
+    );
+    // and beside the description's names a base is the cart's
+    let guess = named("base_pos,ur_shoulder_pan_joint_pos", &joints);
+    assert_eq!(guess.columns[0].column, "ur_shoulder_pan_joint_pos");
+    assert_eq!(guess.left_out[0].0, "base_pos");
+    // and of another arm it is not known
+    let other = ["shoulder_yaw", "shoulder_pitch", "elbow_pitch"];
+    assert!(named("base_pos,shoulder_pos", &other).columns.is_empty());
+    let guess = named(
+        "actual_q_0,actual_q_1,actual_q_2,actual_q_3,actual_q_4,actual_q_5",
+        &joints,
+    );
+    let of: Vec<&str> = guess.columns.iter().map(|found| &*found.joint).collect();
+    assert_eq!(of, joints);
+}
+
+/// Messages as `rostopic echo -p` writes them, one a row.
+fn echoed(header: &str, row: impl Fn(f64) -> String) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("echo.csv");
+    let mut text = format!("{header}\n");
+    for index in 0..500_u64 {
+        let time_s = index as f64 * 0.002;
+        let stamp_ns = 1_700_000_000_000_000_000 + 2_000_000 * index;
+        writeln!(text, "{stamp_ns},{}", row(time_s)).unwrap();
+    }
+    std::fs::write(&path, text).unwrap();
+    (folder, path)
+}
+
+#[test]
+fn a_message_that_was_echoed_tells_its_joints() {
+    let header = "%time,field.header.seq,field.name0,field.name1,field.position0,field.position1,field.effort0,field.effort1";
+    let row = |time_s: f64| format!("7,wrist,elbow,{},0.25,3.5,-1", swing(time_s).0);
+    let (_folder, path) = echoed(header, row);
+    let joints = guess_joints(&[("elbow", 1.0), ("wrist", 1.0)]);
+    let (recording, _) = read_guessing(&path, &joints).unwrap();
+    assert!((recording.sample_rate_hz - 500.0).abs() < 1e-6);
+    assert_eq!(
+        recording.signal("elbow", Signal::LinkPositionRad).unwrap()[9],
+        0.25
+    );
+    assert_eq!(
+        recording.signal("wrist", Signal::JointTorqueNm).unwrap()[9],
+        3.5
+    );
+    // two publishers by turns: no column is of one joint
+    let row = |time_s: f64| {
+        let names = if time_s < 0.5 {
+            "wrist,elbow"
+        } else {
+            "elbow,wrist"
+        };
+        format!("7,{names},{},0.25,3.5,-1", swing(time_s).0)
+    };
+    let (_folder, path) = echoed(header, row);
+    assert!(guess(&path, &joints).unwrap().columns.is_empty());
+}
+
+#[test]
+fn a_controllers_process_value_is_a_position_by_custom() {
+    let header = "%time,field.set_point,field.process_value,field.process_value_dot,field.error,field.command";
+    let row = |time_s| {
+        let (angle, velocity) = swing(time_s);
+        format!("{angle},{angle},{velocity},0,1")
+    };
+    let (_folder, path) = echoed(header, row);
+    let guess = guess(&path, &guess_joints(&[("axis", 1.0)])).unwrap();
+    let (_, signal, _, sure) = told(&guess, "field.process_value");
+    assert_eq!((signal, sure), (Signal::LinkPositionRad, Sure::Doubtful));
+    assert_eq!(
+        told(&guess, "field.process_value_dot").1,
+        Signal::LinkVelocityRadS
+    );
+    assert_eq!(guess.columns.len(), 2, "{:?}", guess.left_out);
 }

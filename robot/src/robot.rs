@@ -69,6 +69,11 @@ impl Robot {
         )))
     }
 
+    /// Whether a joint slides: its rad and Nm are m and N.
+    pub fn slides(&self, joint: usize) -> bool {
+        self.chain.links()[joint].kind == joint_model::rigid_body::JointKind::Prismatic
+    }
+
     /// The joints' names, in the chain's order.
     pub fn joint_names(&self) -> Vec<&str> {
         self.joints

@@ -117,7 +117,7 @@ fn doubts_of_bodies(robot: &Robot, model: &Model) -> Vec<String> {
         }
     }
     let gravity = robot.chain.gravity_m_s2().norm();
-    if !GRAVITY_M_S2.contains(&gravity) {
+    if gravity != 0.0 && !GRAVITY_M_S2.contains(&gravity) {
         doubts.push(format!(
             "gravity is {gravity} m/s², on Earth it is 9.8; see gravity_m_s2"
         ));
@@ -212,6 +212,9 @@ fn known_of(robot: &Robot) -> Vec<String> {
         mass_kg,
         robot.chain.gravity_m_s2().norm()
     )];
+    if robot.chain.gravity_m_s2().norm() == 0.0 {
+        known.push("no gravity, as of axes that stand upright or hold no weight; see gravity_m_s2 if it pulls".to_owned());
+    }
     known.extend(grouped(robot, known_of_joint));
     if let Some(control) = &robot.control {
         known.push(format!(

@@ -4,6 +4,7 @@
 use joint_model::rigid_body::{Chain, JointKind};
 use robot::{
     ControlKind, Effect, Robot, RobotError, RobotFile, RobotJoint, Source, load, parse_injection,
+    survey,
 };
 
 const BENCH: &str = r#"
@@ -591,6 +592,23 @@ fn a_robot_that_is_not_there_is_looked_for_among_the_shipped_ones() {
     assert_says(
         &load("/nowhere/x.toml").unwrap_err().to_string(),
         &["shipped robots pa10, shd17"],
+    );
+}
+
+#[test]
+fn a_robot_without_gravity_is_no_doubt_and_one_with_another_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bench.toml");
+    let surveyed = |gravity: &str| {
+        std::fs::write(&path, format!("gravity_m_s2 = {gravity}\n{BENCH}")).unwrap();
+        survey(path.to_str().unwrap()).unwrap()
+    };
+    let none = surveyed("[0.0, 0.0, 0.0]");
+    assert!(none.doubtful.is_empty(), "{:?}", none.doubtful);
+    assert_says(&none.known.join("\n"), &["no gravity", "gravity_m_s2"]);
+    assert_says(
+        &surveyed("[0.0, 0.0, -98.1]").doubtful.join("\n"),
+        &["gravity is 98.1 m/s², on Earth it is 9.8"],
     );
 }
 

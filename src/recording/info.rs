@@ -79,6 +79,7 @@ fn read_by_number(file: &Path) -> Result<Recording, CliError> {
         // Nothing tells that it may not turn round and round.
         is_limited: false,
         has_rotor: false,
+        slides: false,
     };
     let joints: Vec<GuessJoint> = (1..=columns).map(joint).collect();
     let Ok((mut recording, Some(_))) = read_guessing(file, &joints) else {

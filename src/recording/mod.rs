@@ -81,11 +81,13 @@ pub fn read_of(
 fn guess_joints(robot: &Robot) -> Vec<GuessJoint> {
     let joints = robot.joints.iter();
     joints
-        .map(|joint| GuessJoint {
+        .enumerate()
+        .map(|(index, joint)| GuessJoint {
             name: joint.name.clone(),
             gear_ratio: joint.gear_ratio,
             is_limited: joint.position_limit_rad.is_some(),
             has_rotor: joint.rotor_inertia_kg_m2 > 0.0,
+            slides: robot.slides(index),
         })
         .collect()
 }

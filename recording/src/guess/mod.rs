@@ -25,6 +25,8 @@ pub struct GuessJoint {
     pub is_limited: bool,
     /// Whether the robot file states a rotor's inertia, so that its torque is a motor's.
     pub has_rotor: bool,
+    /// Whether it slides: its signals are m and N where those of others are rad and Nm.
+    pub slides: bool,
 }
 
 /// How sure a guess is.

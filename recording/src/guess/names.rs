@@ -7,7 +7,8 @@ use crate::clock::{only_time_column, time_column};
 use crate::columns::{Known, TIME, joint_and_signal};
 use crate::frame::{Column, Frame, Values};
 use crate::names::{
-    Meaning, Quantity, is_numbered_joint, meaning, says_measured, without_joint, words_unknown,
+    Meaning, PROCESS_VALUE, Quantity, is_numbered_joint, meaning, meaning_of_slide, remoteness,
+    without_joint, words, words_unknown,
 };
 use std::cmp::Reverse;
 use std::f64::consts::PI;
@@ -63,7 +64,7 @@ impl<'a> Guesser<'a> {
             let best_first = (
                 Reverse(found.sure),
                 self.families.rank(*index),
-                Reverse(says_measured(&found.column)),
+                remoteness(&found.column),
             );
             let unknown = words_unknown(&found.column);
             (joint, found.signal, best_first, unknown, *index)
@@ -121,7 +122,7 @@ impl<'a> Guesser<'a> {
             let joint = self
                 .joint_named(joint)
                 .ok_or("the robot has no such joint")?;
-            let (scale, unit) = self.unit(column);
+            let (scale, unit) = self.unit(column, joint);
             let (sure, why) = match unit {
                 None => (Sure::Likely, "the dataset says it".to_owned()),
                 // What LeRobot does unless it is told to use degrees.
@@ -135,7 +136,7 @@ impl<'a> Guesser<'a> {
         }
         let (joint, meaning, mut sure, mut why) = self.by_name(index, &column.name)?;
         let (signal, side_is_supposed) = meaning.signal();
-        let (scale, unit) = self.unit(column);
+        let (scale, unit) = self.unit(column, joint);
         if let Some((unit_is, unit)) = unit {
             sure = sure.min(unit_is);
             why.push(unit);
@@ -157,8 +158,8 @@ impl<'a> Guesser<'a> {
         let mut why = vec!["by its name".to_owned()];
         let said = said(name, self.joints).ok_or("its name says nothing that is known")?;
         let mut sure = Sure::Certain;
-        if said.is_custom {
-            why.push("a position, as it has a joint's name alone".to_owned());
+        if let Some(custom) = said.custom.or_else(|| self.doubt_of_words(name, &said)) {
+            why.push(custom.to_owned());
             sure = Sure::Doubtful;
         }
         if let Some(joint) = said.joint {
@@ -192,9 +193,38 @@ impl<'a> Guesser<'a> {
         Ok((joint, said.meaning, sure, why))
     }
 
+    /// What other columns must say for a name to be what it is taken for.
+    fn doubt_of_words(&self, name: &str, said: &Said<'_>) -> Option<&'static str> {
+        let some_says = |known: &[&str]| {
+            let mut columns = self.frame.columns.iter();
+            columns.any(|column| {
+                words(&column.name)
+                    .iter()
+                    .any(|word| known.contains(&&**word))
+            })
+        };
+        if said.is_makers && (!some_says(&["base"]) || some_says(&["pan"])) {
+            return Some(
+                "as the robot's maker calls its joints, though other columns are called otherwise",
+            );
+        }
+        let says_x = || words(name).iter().any(|word| word == "x");
+        let is_place = said.joint.is_none() && meaning(name).is_none() && says_x();
+        (is_place && some_says(&["y", "z"])).then_some("or a place in space, as others are")
+    }
+
     /// Signal over column; how sure that is, and why, where its name does not tell the unit.
-    fn unit(&self, column: &Column) -> (f64, Option<(Sure, String)>) {
+    fn unit(&self, column: &Column, joint: &GuessJoint) -> (f64, Option<(Sure, String)>) {
         let told = said(&column.name, self.joints).and_then(|said| said.meaning.scale);
+        if joint.slides {
+            let farthest = unnamed_angle(column, self.joints);
+            let far = farthest.filter(|farthest| *farthest > FARTHEST_RAD);
+            let why = |far| format!("metres, though it goes to {far:.1}");
+            return (
+                told.unwrap_or(1.0),
+                far.map(|far| (Sure::Doubtful, why(far))),
+            );
+        }
         let (sure, or) = if self.may_turn {
             (Sure::Doubtful, ", or a joint that turns round in radians")
         } else {
@@ -252,42 +282,106 @@ pub(super) struct Said<'a> {
     pub(super) meaning: Meaning,
     /// Words beside the joint's name that say nothing known.
     more: Vec<String>,
-    /// Whether it is a position because nothing but a joint is named.
-    is_custom: bool,
+    /// Why it is a position, where nothing but custom says it.
+    custom: Option<&'static str>,
+    /// Whether the joint is called as the robot's maker does, and not its description.
+    is_makers: bool,
+}
+
+/// The joints of Universal Robots in their descriptions, and on their pendants.
+const MAKERS: [(&str, &str); 6] = [
+    ("shoulder_pan", "base"),
+    ("shoulder_lift", "shoulder"),
+    ("elbow", "elbow"),
+    ("wrist_1", "wrist_1"),
+    ("wrist_2", "wrist_2"),
+    ("wrist_3", "wrist_3"),
+];
+
+/// A joint's name without the word `joint`, if the rest says nothing else.
+fn short_name(joint: &GuessJoint) -> Option<String> {
+    const LETTERS_MIN: usize = 3;
+    let own = words(&joint.name);
+    let short: Vec<String> = own
+        .iter()
+        .filter(|word| *word != "joint")
+        .cloned()
+        .collect();
+    let letters = short.concat().chars().filter(|c| c.is_alphabetic()).count();
+    let rest = meaning(&format!("position {}", short.join(" ")))?.rest;
+    (short.len() < own.len() && letters >= LETTERS_MIN && rest == short).then(|| short.join("_"))
+}
+
+/// What the one arm of a maker calls that joint, in its description and elsewhere.
+fn makers_names(joint: &GuessJoint, joints: &[GuessJoint]) -> Option<(&'static str, &'static str)> {
+    let has = |joint: &GuessJoint, part: &str| joint.name.contains(part);
+    let of_one =
+        |(part, _): &(&str, &str)| joints.iter().filter(|joint| has(joint, part)).count() == 1;
+    let of_joint = MAKERS.into_iter().find(|(part, _)| has(joint, part))?;
+    MAKERS.iter().all(of_one).then_some(of_joint)
+}
+
+/// What a name says of a quantity, by the words that the robot's joints have.
+fn meaning_for(name: &str, joints: &[GuessJoint]) -> Option<Meaning> {
+    if joints.iter().all(|joint| joint.slides) {
+        meaning_of_slide(name)
+    } else {
+        meaning(name)
+    }
 }
 
 /// Names of joints have words in them that would say something else: the `q3` of `q3_tau` is no position, and `shoulder_joint` no
 /// side of the gear. So the joint's name is taken out before the rest is read. Of several the longest that fits counts.
 pub(super) fn said<'a>(name: &str, joints: &'a [GuessJoint]) -> Option<Said<'a>> {
-    let named = joints.iter().filter_map(|joint| {
-        let rest = without_joint(name, &joint.name)?;
-        Some((joint, rest))
-    });
-    let named = named.max_by_key(|(joint, _)| joint.name.len());
+    let longest = |called: &dyn Fn(&GuessJoint) -> Option<String>| {
+        let named = joints.iter().filter_map(|joint| {
+            let rest = without_joint(name, &called(joint)?)?;
+            Some((joint, rest))
+        });
+        named.max_by_key(|(joint, _)| joint.name.len())
+    };
+    let makers = |joint: &GuessJoint| makers_names(joint, joints);
+    let own = longest(&|joint| Some(joint.name.clone()))
+        .or_else(|| longest(&short_name))
+        .or_else(|| longest(&|joint| Some(makers(joint)?.0.to_owned())));
+    let is_makers = own.is_none();
+    let named = own.or_else(|| longest(&|joint| Some(makers(joint)?.1.to_owned())));
+    let process_value = "a position, as most controllers' process value is";
     let has_number = |word: &String| word.bytes().any(|byte| byte.is_ascii_digit());
     if let Some((joint, rest)) = &named
-        && let Some(meaning) = meaning(rest).filter(|found| !found.rest.iter().any(has_number))
+        && let Some(meaning) =
+            meaning_for(rest, joints).filter(|found| !found.rest.iter().any(has_number))
     {
         return Some(Said {
             joint: Some(joint),
             more: meaning.rest.clone(),
+            custom: is_process_value(name, &meaning).then_some(process_value),
             meaning,
-            is_custom: false,
+            is_makers,
         });
     }
     let alone = named.filter(|(_, rest)| rest.is_empty());
+    let meaning = meaning_of(name, joints)?;
+    let by_joint = meaning_for(name, joints).is_none();
+    let custom = by_joint.then_some("a position, as it has a joint's name alone");
+    let process_value = is_process_value(name, &meaning).then_some(process_value);
     Some(Said {
+        is_makers: is_makers && alone.is_some(),
         joint: alone.map(|(joint, _)| joint),
-        meaning: meaning_of(name, joints)?,
+        meaning,
         more: Vec::new(),
-        is_custom: meaning(name).is_none(),
+        custom: custom.or(process_value),
     })
+}
+
+fn is_process_value(name: &str, meaning: &Meaning) -> bool {
+    meaning.quantity == Quantity::Position && name.contains(PROCESS_VALUE)
 }
 
 /// What a column's name says; a joint's name alone is its position, by custom.
 pub(super) fn meaning_of(name: &str, joints: &[GuessJoint]) -> Option<Meaning> {
     let is_joint = |joint: &GuessJoint| without_joint(name, &joint.name).as_deref() == Some("");
-    meaning(name).or_else(|| {
+    meaning_for(name, joints).or_else(|| {
         let alone = is_numbered_joint(name) || joints.iter().any(is_joint);
         alone
             .then(|| meaning(&format!("position {name}")))

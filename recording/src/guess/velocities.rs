@@ -88,7 +88,13 @@ impl Guesser<'_> {
                     "is the motor's, in degrees, by the position's difference",
                 ),
             ];
-            let near = |factor: f64| (slope.abs() / factor.abs() - 1.0).abs() < 0.1;
+            let slides = self
+                .joint_named(&found.joint)
+                .is_some_and(|joint| joint.slides);
+            let near = |factor: f64| {
+                let is_possible = !slides || factor == 1.0 || factor == ratio;
+                is_possible && (slope.abs() / factor.abs() - 1.0).abs() < 0.1
+            };
             let Some((factor, signal, why)) =
                 explained.into_iter().find(|(factor, _, _)| near(*factor))
             else {

@@ -4,16 +4,17 @@ use super::csv_text::Uncommented;
 use super::{Log, Source, lists};
 use crate::builder::TableBuilder;
 use crate::clock::{Instant, UnitsPerSecond};
-use crate::columns::{Cells, Plan, whole};
+use crate::columns::{Cells, Known, Plan, whole};
 use crate::error::Place;
 use crate::frame::{Column, Frame, Values};
 use crate::guess::guess_frame;
 use crate::mapping::{Mapping, MappingFile, mapping_beside};
 use crate::names::with_unit;
-use crate::{Guess, GuessJoint, ReadProblem, Recording};
+use crate::{Guess, GuessJoint, ReadProblem, Recording, Signal};
 use csv::ByteRecord;
 use std::borrow::Cow;
 use std::cell::Cell;
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
@@ -68,6 +69,8 @@ impl Source for Csv {
 fn read_frame(path: &Path) -> Result<Frame, ReadProblem> {
     let (mut lines, header) = open(path)?;
     let mut columns: Vec<Vec<f64>> = vec![Vec::new(); header.len()];
+    let in_message = in_message(&header);
+    let mut names = vec![BTreeSet::new(); in_message.len()];
     let mut record = ByteRecord::new();
     let decimal_mark = Cell::new(None);
     while lines.read_byte_record(&mut record).map_err(line_problem)? {
@@ -80,7 +83,17 @@ fn read_frame(path: &Path) -> Result<Frame, ReadProblem> {
             let time = || Some(Instant::from_date(&line.cell(field))?.seconds());
             column.push(line.number(field).ok().or_else(time).unwrap_or(f64::NAN));
         }
+        for (listed, names) in in_message.iter().zip(&mut names) {
+            names.insert(line.cell(listed.name).into_owned());
+        }
     }
+    // in messages of several publishers, by turns, the names change
+    let known = in_message.iter().zip(names).map(|(listed, names)| Known {
+        column: listed.column,
+        joint: Vec::from_iter(names).join(" or "),
+        signal: listed.signal,
+    });
+    let known = known.collect();
     let columns = header
         .into_iter()
         .zip(columns)
@@ -90,8 +103,39 @@ fn read_frame(path: &Path) -> Result<Frame, ReadProblem> {
         });
     Ok(Frame {
         columns: columns.collect(),
+        known,
         ..Frame::default()
     })
+}
+
+/// A column whose joint is named in another.
+struct Listed {
+    column: usize,
+    name: usize,
+    signal: Signal,
+}
+
+/// The columns of a message with lists, as `rostopic echo -p` writes states of joints: `field.position3` is of the joint that
+/// `field.name3` names.
+fn in_message(header: &[String]) -> Vec<Listed> {
+    let listed = |column: usize| {
+        let (message, list) = header[column].rsplit_once('.')?;
+        let word = list.trim_end_matches(|c: char| c.is_ascii_digit());
+        let signal = match word {
+            "position" => Signal::LinkPositionRad,
+            "velocity" => Signal::LinkVelocityRadS,
+            "effort" => Signal::JointTorqueNm,
+            _ => return None,
+        };
+        let name = format!("{message}.name{}", &list[word.len()..]);
+        let name = header.iter().position(|column| *column == name)?;
+        Some(Listed {
+            column,
+            name,
+            signal,
+        })
+    };
+    (0..header.len()).filter_map(listed).collect()
 }
 
 pub(super) type Lines = csv::Reader<Uncommented<BufReader<File>>>;
@@ -225,6 +269,14 @@ impl Cells for Line<'_> {
         }
         if let Some(date) = Instant::from_date(&cell) {
             return Ok(Some(date));
+        }
+        if cell.contains(['/', ':']) {
+            let (place, (column, cell)) = (self.place(), self.describe(field));
+            return Err(ReadProblem::NotADate {
+                place,
+                column,
+                cell,
+            });
         }
         match self.with_point(&cell) {
             Some(number) => Ok(Instant::from_decimal(&number, unit)),

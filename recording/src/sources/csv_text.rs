@@ -58,10 +58,17 @@ impl<R: BufRead> Uncommented<R> {
         // Some writers put the columns' names in a comment, and their units in another.
         let (mut commented_header, mut units) = (None, None);
         let names = fields(&first);
-        if fields(&first).iter().all(|field| is_number(field)) {
+        let all_numbers = names.iter().all(|field| is_number(field));
+        if all_numbers || is_mostly_numbers(&names) {
             let fits = |line: &Vec<u8>| {
-                let (names, numbers) = (fields(line), fields(&first));
-                names.len() == numbers.len() && !names.iter().all(|name| is_number(name))
+                let told = fields(line);
+                let numbers = told.iter().filter(|name| is_number(name)).count();
+                told.len() == names.len()
+                    && if all_numbers {
+                        numbers < told.len()
+                    } else {
+                        numbers == 0
+                    }
             };
             commented_header = comments.pop().filter(fits);
             let told = commented_header.as_ref().map(|line| fields(line));
@@ -70,7 +77,12 @@ impl<R: BufRead> Uncommented<R> {
             {
                 (commented_header, units) = (Some(names), told);
             }
-        } else if fields(&second).len() == fields(&first).len() && are_units(&fields(&second)) {
+        }
+        if !all_numbers
+            && commented_header.is_none()
+            && fields(&second).len() == names.len()
+            && are_units(&fields(&second))
+        {
             units = Some(fields(&second));
             second = b"\n".to_vec();
         }
@@ -208,6 +220,14 @@ fn is_row(fields: &[String]) -> bool {
     some && fields.iter().all(|field| is_number(field)) && !(counted(0) || counted(1))
 }
 
+/// Whether half of a line's fields and more are numbers: text is in rows too, but no numbers are in a line of names.
+fn is_mostly_numbers(fields: &[String]) -> bool {
+    let numbers = fields
+        .iter()
+        .filter(|field| is_number(field) && !field.is_empty());
+    2 * numbers.count() >= fields.len()
+}
+
 fn is_number(field: &str) -> bool {
     field.is_empty() || field.replacen(',', ".", 1).parse::<f64>().is_ok()
 }
@@ -260,6 +280,12 @@ mod tests {
         assert_eq!(text, "\n\n0, 1\n");
         assert_eq!(start.commented_header.as_deref(), Some(&b"t, q"[..]));
         assert!(opened(b"# run 7\n0, 1\n").1.commented_header.is_none());
+        let (_, start) = opened(b"%time,name0,position0\n17,elbow,0.5\n");
+        assert_eq!(
+            start.commented_header.as_deref(),
+            Some(&b"time,name0,position0"[..])
+        );
+        assert!(opened(b"# a,b\nt,q\n0,1\n").1.commented_header.is_none());
     }
 
     #[test]
