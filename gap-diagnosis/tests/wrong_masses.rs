@@ -42,15 +42,15 @@ fn recorded(real: &Robot) -> Recording {
     let mut seed = 5_u64;
     for t in &time_s {
         let mut motion = [[0.0; 5]; 3];
-        for joint in 0..AXES.len() {
-            for (size, rate) in [
-                (0.7, 0.7 + 0.13 * joint as f64),
-                (0.25, 2.3 - 0.11 * joint as f64),
-            ] {
-                let phase = rate * t + 1.7 * joint as f64;
-                motion[0][joint] += size * phase.sin();
-                motion[1][joint] += size * rate * phase.cos();
-                motion[2][joint] -= size * rate * rate * phase.sin();
+        let [position, velocity, acceleration] = &mut motion;
+        let joints = position.iter_mut().zip(velocity).zip(acceleration);
+        for (joint, ((position, velocity), acceleration)) in joints.enumerate() {
+            let joint = joint as f64;
+            for (size, rate) in [(0.7, 0.7 + 0.13 * joint), (0.25, 2.3 - 0.11 * joint)] {
+                let phase: f64 = rate * t + 1.7 * joint;
+                *position += size * phase.sin();
+                *velocity += size * rate * phase.cos();
+                *acceleration -= size * rate * rate * phase.sin();
             }
         }
         let mut torque_nm = [0.0; 5];
