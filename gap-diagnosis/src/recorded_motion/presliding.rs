@@ -1,26 +1,28 @@
-//! How friction turns round with the direction: no joint's friction jumps at a reversal, its asperities bend first (Dahl, A Solid
-//! Friction Model, 1968).
+//! How friction turns round with the direction: no joint's friction jumps at a reversal.
 //!
-//! Along a recorded motion the bend has no freedom but its length and its shape: `ds = (1 - s·sign dq)^i · dq/length`, between -1 and
-//! 1; with an exponent of 0 a spring gives way at once (Prandtl's elastic and plastic body), with 1 bit by bit. Every joint has a bend
-//! and no robot file tells it, so it is found first and is no name.
+//! Asperities bend first (Dahl, A Solid Friction Model, 1968). Along a recorded motion that bend has no freedom but its length and its
+//! shape: `ds = (1 - s·sign dq)^i · dq/length`, between -1 and 1; with an exponent of 0 a spring gives way at once (Prandtl's elastic and
+//! plastic body), with 1 bit by bit. Or friction rises with the speed, where a joint creeps under a film or vibrates more than it moves,
+//! and in most simulators (a sigmoid; Gaz et al., Dynamic Identification of the Franka Emika Panda Robot, 2019). Every joint has one of
+//! these and no robot file tells it, so it is found first and is no name.
 
 use super::motion::JointMotion;
 
-/// The bend of friction before it slips.
+/// How friction turns round.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Presliding {
-    /// Travel from no bend to slip at the slope that it has without a bend, in rad (m) at the joint.
-    pub length_rad: f64,
-    /// Whether it gives way bit by bit.
-    pub is_gradual: bool,
+pub enum Presliding {
+    /// With the travel, as a spring that gives way at once: from no bend to slip, in rad (m) at the joint.
+    AtOnce { length_rad: f64 },
+    /// With the travel, bit by bit; length at the slope that it has without a bend.
+    Gradual { length_rad: f64 },
+    /// With the speed: `tanh(q̇/speed)`.
+    BySpeed { speed_rad_s: f64 },
 }
 
 impl Default for Presliding {
     fn default() -> Self {
-        Self {
+        Self::AtOnce {
             length_rad: SHORTEST_RAD,
-            is_gradual: false,
         }
     }
 }
@@ -29,6 +31,9 @@ impl Default for Presliding {
 const SHORTEST_RAD: f64 = 1e-5;
 /// Each is twice the one before, up to ten milliradians: more than gears have between their teeth.
 const LENGTHS: i32 = 10;
+/// Speeds that are tried, the highest an eighth of the usual speed and each twice the one before: a higher one is viscous friction's.
+const SPEEDS: i32 = 5;
+const FASTEST: f64 = 0.125;
 /// The longest.
 pub fn longest_rad() -> f64 {
     SHORTEST_RAD * f64::from(LENGTHS).exp2()
@@ -37,28 +42,37 @@ pub fn longest_rad() -> f64 {
 /// Golden sections between two of them: to two per cent.
 const SECTIONS: usize = 8;
 
-/// The bend that leaves least, by `left`, and what it leaves.
+/// The way of each kind that leaves least, by `left`, and what it leaves: the best first.
 ///
 /// # Errors
 /// Those of `left`.
 pub fn least<E>(
+    usual_rad_s: f64,
     mut left: impl FnMut(Presliding) -> Result<f64, E>,
-) -> Result<(Presliding, f64), E> {
-    let mut best = (f64::INFINITY, Presliding::default());
-    for is_gradual in [false, true] {
+) -> Result<[(Presliding, f64); 3], E> {
+    let travel = |octave: f64| SHORTEST_RAD * octave.exp2();
+    let kinds: [(i32, &dyn Fn(f64) -> Presliding); 3] = [
+        (LENGTHS, &|octave| Presliding::AtOnce {
+            length_rad: travel(octave),
+        }),
+        (LENGTHS, &|octave| Presliding::Gradual {
+            length_rad: travel(octave),
+        }),
+        (SPEEDS, &|octave| Presliding::BySpeed {
+            speed_rad_s: FASTEST * usual_rad_s * (octave - f64::from(SPEEDS)).exp2(),
+        }),
+    ];
+    let mut all = [(Presliding::default(), f64::INFINITY); 3];
+    for ((octaves, of), best) in kinds.into_iter().zip(&mut all) {
         let mut at = |octave: f64| -> Result<f64, E> {
-            let presliding = Presliding {
-                length_rad: SHORTEST_RAD * octave.exp2(),
-                is_gradual,
-            };
-            let left = left(presliding)?;
-            if left < best.0 {
-                best = (left, presliding);
+            let left = left(of(octave))?;
+            if left < best.1 {
+                *best = (of(octave), left);
             }
             Ok(left)
         };
         let mut coarse = (f64::INFINITY, 0.0);
-        for octave in (0..=LENGTHS).map(f64::from) {
+        for octave in (0..=octaves).map(f64::from) {
             let left = at(octave)?;
             if left < coarse.0 {
                 coarse = (left, octave);
@@ -75,48 +89,51 @@ pub fn least<E>(
             }
         }
     }
-    Ok((best.1, best.0))
+    all.sort_by(|a, b| a.1.total_cmp(&b.1));
+    Ok(all)
 }
 
 impl Presliding {
-    /// Two that are as likely: of the other shape, and half as long again.
-    pub fn others(&self) -> [Self; 2] {
-        [
-            Self {
-                is_gradual: !self.is_gradual,
-                ..*self
+    /// The same, half as long again.
+    pub fn longer(self) -> Self {
+        const LONGER: f64 = 1.5;
+        match self {
+            Self::AtOnce { length_rad } => Self::AtOnce {
+                length_rad: LONGER * length_rad,
             },
-            Self {
-                length_rad: 1.5 * self.length_rad,
-                ..*self
+            Self::Gradual { length_rad } => Self::Gradual {
+                length_rad: LONGER * length_rad,
             },
-        ]
+            Self::BySpeed { speed_rad_s } => Self::BySpeed {
+                speed_rad_s: LONGER * speed_rad_s,
+            },
+        }
     }
 
     /// How far friction is bent along a motion, row by row: -1 to 1, and the sign of the velocity once the joint slips.
-    pub fn slip(&self, motion: &JointMotion) -> Vec<f64> {
+    pub fn slip(self, motion: &JointMotion) -> Vec<f64> {
         let mut bend = motion.velocity_rad_s.first().map_or(0.0, |v| v.signum());
         let mut before_rad = motion.position_rad.first().copied().unwrap_or(0.0);
-        let position = motion.position_rad.iter();
-        position
-            .map(|position_rad| {
-                let moved_rad = position_rad - before_rad;
-                before_rad = *position_rad;
-                if moved_rad != 0.0 {
-                    bend = self.after(bend, moved_rad);
-                }
-                bend
-            })
-            .collect()
-    }
-
-    fn after(&self, bend: f64, moved_rad: f64) -> f64 {
-        if self.is_gradual {
+        let both = motion.position_rad.iter().zip(&motion.velocity_rad_s);
+        both.map(|(position_rad, velocity_rad_s)| {
+            let moved_rad = position_rad - before_rad;
+            before_rad = *position_rad;
             let sign = moved_rad.signum();
-            sign + (bend - sign) * (-moved_rad.abs() / self.length_rad).exp()
-        } else {
-            (bend + moved_rad / self.length_rad).clamp(-1.0, 1.0)
-        }
+            match self {
+                Self::BySpeed { speed_rad_s } => {
+                    bend = (velocity_rad_s / speed_rad_s.max(f64::MIN_POSITIVE)).tanh();
+                }
+                _ if moved_rad == 0.0 => {}
+                Self::AtOnce { length_rad } => {
+                    bend = (bend + moved_rad / length_rad).clamp(-1.0, 1.0);
+                }
+                Self::Gradual { length_rad } => {
+                    bend = sign + (bend - sign) * (-moved_rad.abs() / length_rad).exp();
+                }
+            }
+            bend
+        })
+        .collect()
     }
 }
 
@@ -135,11 +152,12 @@ mod tests {
     #[test]
     fn the_bend_turns_round_within_its_length() {
         let of = |is_gradual: bool| {
-            let presliding = Presliding {
-                length_rad: 10.0,
-                is_gradual,
-            };
-            presliding.slip(&turning())
+            let length_rad = 10.0;
+            if is_gradual {
+                Presliding::Gradual { length_rad }.slip(&turning())
+            } else {
+                Presliding::AtOnce { length_rad }.slip(&turning())
+            }
         };
         let (at_once, gradual) = (of(false), of(true));
         for (row, bend) in [(100, -1.0), (110, 0.0), (120, 1.0)] {
@@ -154,15 +172,23 @@ mod tests {
     }
 
     #[test]
-    fn the_length_that_leaves_least_is_found() {
-        let found = least(|bend: Presliding| {
-            let off = (bend.length_rad / 3e-4).ln().abs();
-            Ok::<f64, ()>(off + f64::from(u8::from(!bend.is_gradual)))
+    fn the_way_that_leaves_least_is_found() {
+        let found = least(1.0, |bend: Presliding| {
+            let left = match bend {
+                Presliding::AtOnce { .. } => 9.0,
+                Presliding::Gradual { length_rad } => (length_rad / 3e-4).ln().abs(),
+                Presliding::BySpeed { speed_rad_s } => 0.5 + (speed_rad_s / 0.04).ln().abs(),
+            };
+            Ok::<f64, ()>(left)
         });
-        let Ok((found, _)) = found else {
+        let Ok([(first, _), (second, left), (third, _)]) = found else {
             unreachable!("nothing fails")
         };
-        assert!(found.is_gradual);
-        assert!((found.length_rad / 3e-4 - 1.0).abs() < 0.05, "{found:?}");
+        let Presliding::Gradual { length_rad } = first else {
+            panic!("{first:?}")
+        };
+        assert!((length_rad / 3e-4 - 1.0).abs() < 0.05, "{first:?}");
+        assert!(matches!(second, Presliding::BySpeed { .. }) && left < 0.6);
+        assert!(matches!(third, Presliding::AtOnce { .. }));
     }
 }

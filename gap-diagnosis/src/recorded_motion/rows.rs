@@ -59,8 +59,8 @@ pub struct JointRows {
     pub speed_rad_s: f64,
     /// Mean position.
     pub mean_rad: f64,
-    /// How friction turns round.
-    pub presliding: Presliding,
+    /// How friction turns round: what leaves least, and what it may be as well.
+    pub presliding: [Presliding; 4],
     /// Whether the controller feeds the reference's velocity back, where that was open.
     pub feeds_rate: bool,
     /// Inertia about the axis.
@@ -134,10 +134,10 @@ impl JointRows {
         let is_open = pieces
             .iter()
             .any(|piece| piece.joints[joint].rate_feed_nm.is_some());
-        let mut bend = presliding(&drive, joint, pieces, torques, &counted, true)?;
+        let mut bend = bent(&drive, joint, pieces, torques, &counted, speed_rad_s, true)?;
         let mut feeds_rate = true;
         if is_open {
-            let without = presliding(&drive, joint, pieces, torques, &counted, false)?;
+            let without = bent(&drive, joint, pieces, torques, &counted, speed_rad_s, false)?;
             if without.left < bend.left {
                 (bend, feeds_rate) = (without, false);
             }
@@ -319,7 +319,7 @@ impl JointRows {
     ) -> Result<(), FilterError> {
         let motion = &piece.joints[joint];
         let rigid_nm = &torques.rigid_nm[joint];
-        let slip = self.presliding.slip(motion);
+        let [slip, others @ ..] = self.presliding.map(|presliding| presliding.slip(motion));
         let nominal_nm = drive.torque_nm(motion, &slip, rigid_nm);
         let along = Along {
             motion,
@@ -353,7 +353,6 @@ impl JointRows {
         if let Some(torque_nm) = motion.torque_nm(self.feeds_rate) {
             let smooth_nm = kept.band.limit(&torque_nm)?;
             let mut untold = vec![kept.raw(&clock(&smooth_nm, piece, motion))];
-            let others = self.presliding.others().map(|other| other.slip(motion));
             for bent in others.into_iter().chain([turned_earlier(&slip, piece)]) {
                 let both = bent.iter().zip(&slip);
                 let apart: Vec<f64> = both.map(|(a, b)| self.dry_nm * (a - b)).collect();
@@ -403,7 +402,7 @@ fn clock(torque_nm: &[f64], piece: &Piece, motion: &JointMotion) -> Vec<f64> {
 
 /// What is found first of a joint.
 struct Bent {
-    bend: Presliding,
+    bend: [Presliding; 4],
     /// Sum of squares that is left.
     left: f64,
     /// Dry friction beyond the file's.
@@ -412,67 +411,79 @@ struct Bent {
     unit_nm: f64,
 }
 
-/// The bend that leaves least of a joint's torque beside Coulomb and viscous friction, an offset, inertia, a gain, and what the
-/// clocks may be apart.
-fn presliding(
+/// The way friction turns round that leaves least of a joint's torque beside Coulomb and viscous friction, an offset, inertia, a gain,
+/// and what the clocks may be apart.
+fn bent(
     drive: &Drive,
     joint: usize,
     pieces: &[Piece],
     torques: &[Torques],
     counted: &[Vec<usize>],
+    speed_rad_s: f64,
     feeds_rate: bool,
 ) -> Result<Bent, FilterError> {
     /// Rows of a piece that are looked at.
     const ROWS: usize = 2000;
+    // what does not depend on the bend
+    struct Still<'a> {
+        motion: &'a JointMotion,
+        rigid_nm: &'a [f64],
+        band: Band,
+        rows: Vec<usize>,
+        torque_nm: Vec<f64>,
+        limited: [Vec<f64>; 3],
+    }
+    let mut still = Vec::new();
+    for ((piece, torques), counted) in pieces.iter().zip(torques).zip(counted) {
+        let motion = &piece.joints[joint];
+        let Some(torque_nm) = motion.torque_nm(feeds_rate) else {
+            continue;
+        };
+        let band = Band::of(piece.rate_hz, piece.compared_hz());
+        let smooth_nm = band.limit(&torque_nm)?;
+        let limited = [
+            band.limit(&motion.velocity_rad_s)?,
+            band.limit(&motion.acceleration_rad_s2)?,
+            clock(&smooth_nm, piece, motion),
+        ];
+        let every = counted.len().div_ceil(ROWS).max(1);
+        still.push(Still {
+            motion,
+            rigid_nm: &torques.rigid_nm[joint],
+            band,
+            rows: counted.iter().copied().step_by(every).collect(),
+            torque_nm: torque_nm.into_owned(),
+            limited,
+        });
+    }
     let [mut dry_nm, mut unit_nm] = [0.0, 1.0];
     let mut least = f64::INFINITY;
-    let (bend, left) = presliding::least(|bend| {
+    let all = presliding::least(speed_rad_s, |bend| {
         let mut gram = SMatrix::<f64, 6, 6>::identity() * f64::MIN_POSITIVE;
         let mut vector = SVector::<f64, 6>::zeros();
         let mut square = 0.0;
-        for ((piece, torques), counted) in pieces.iter().zip(torques).zip(counted) {
-            let motion = &piece.joints[joint];
-            let Some(torque_nm) = motion.torque_nm(feeds_rate) else {
-                continue;
-            };
-            let slip = bend.slip(motion);
-            let rigid_nm = &torques.rigid_nm[joint];
-            let nominal_nm = drive.torque_nm(motion, &slip, rigid_nm);
-            let in_proportion_nm = drive.in_proportion_nm(motion, &slip, rigid_nm);
-            let gap_nm: Vec<f64> = torque_nm
-                .iter()
-                .zip(&nominal_nm)
-                .map(|(torque, nominal)| torque - nominal)
-                .collect();
-            let band = Band::of(piece.rate_hz, piece.compared_hz());
-            let [
-                gap_nm,
-                slip,
-                velocity,
-                acceleration,
-                in_proportion_nm,
-                smooth_nm,
-            ] = [
-                band.limit(&gap_nm)?,
-                band.limit(&slip)?,
-                band.limit(&motion.velocity_rad_s)?,
-                band.limit(&motion.acceleration_rad_s2)?,
-                band.limit(&in_proportion_nm)?,
-                band.limit(&torque_nm)?,
-            ];
-            let clock = clock(&smooth_nm, piece, motion);
-            for row in counted.iter().step_by(counted.len().div_ceil(ROWS).max(1)) {
+        for still in &still {
+            let slip = bend.slip(still.motion);
+            let nominal_nm = drive.torque_nm(still.motion, &slip, still.rigid_nm);
+            let in_proportion_nm = drive.in_proportion_nm(still.motion, &slip, still.rigid_nm);
+            let both = still.torque_nm.iter().zip(&nominal_nm);
+            let gap_nm: Vec<f64> = both.map(|(torque, nominal)| torque - nominal).collect();
+            let gap_nm = still.band.limit(&gap_nm)?;
+            let slip = still.band.limit(&slip)?;
+            let in_proportion_nm = still.band.limit(&in_proportion_nm)?;
+            let [velocity, acceleration, clock] = &still.limited;
+            for row in still.rows.iter().copied() {
                 let x = SVector::from([
-                    slip[*row],
-                    velocity[*row],
+                    slip[row],
+                    velocity[row],
                     1.0,
-                    clock[*row],
-                    acceleration[*row],
-                    in_proportion_nm[*row],
+                    clock[row],
+                    acceleration[row],
+                    in_proportion_nm[row],
                 ]);
                 gram += x * x.transpose();
-                vector += x * gap_nm[*row];
-                square += gap_nm[*row].powi(2);
+                vector += x * gap_nm[row];
+                square += gap_nm[row].powi(2);
             }
         }
         let Some(solved) = gram.cholesky() else {
@@ -487,8 +498,9 @@ fn presliding(
         }
         Ok(left)
     })?;
+    let [(best, left), (second, _), (third, _)] = all;
     Ok(Bent {
-        bend,
+        bend: [best, second, third, best.longer()],
         left,
         dry_nm,
         unit_nm,
