@@ -39,7 +39,7 @@ pub const ERRORS: f64 = 2.0;
 /// Standard deviations beyond which a value is a finding.
 pub const DEVIATIONS: f64 = 3.0;
 /// Keeps a matrix from being singular where two columns are alike, relative to a column's square.
-const ALIKE: f64 = 1e-9;
+pub const ALIKE: f64 = 1e-9;
 
 /// One set of names, as a bit each in the order of the items.
 pub type Names = u128;

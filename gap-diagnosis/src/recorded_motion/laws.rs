@@ -26,6 +26,11 @@ const STICKS: f64 = 2.0;
 /// Cost of a freedom, in nats.
 const FREEDOM_NATS: f64 = 0.5;
 
+/// Up to which a joint creeps.
+pub fn creeping_rad_s(usual_rad_s: f64) -> f64 {
+    STRIBECK_PARTS[0] * usual_rad_s
+}
+
 /// A law of motion at one joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Law {
@@ -384,8 +389,8 @@ impl Called for Laws<'_> {
 }
 
 /// Whether a fit is one that a joint can have: every value within its limits, friction that brakes at every speed, and by which a joint
-/// does not stick less than it slides, nor more than any does; each by two standard errors. `unmeasured_coulomb_nm`: what the file says
-/// of Coulomb friction where nobody measured the joint's; a curve that was measured may be corrected either way.
+/// does not stick less than it slides, but for how it creeps, nor more than any does; each by two standard errors. `unmeasured_coulomb_nm`: what the file says of
+/// Coulomb friction where nobody measured the joint's; a curve that was measured may be corrected either way.
 pub fn is_possible(
     fit: &Fit,
     law_of: impl Fn(usize) -> Law,
@@ -423,10 +428,11 @@ pub fn is_possible(
     let stribeck = braking
         .iter()
         .find(|(_, law, _)| matches!(law, Law::Stribeck(_)));
-    if let (Some(file_nm), Some((own, _, excess_nm))) = (unmeasured_coulomb_nm, stribeck) {
+    if let (Some(file_nm), Some((own, law, excess_nm))) = (unmeasured_coulomb_nm, stribeck) {
         let mut room_nm = STICKS * file_nm - excess_nm;
         let mut variance = fit.covariance[(*own, *own)];
-        let falls = excess_nm + error(variance) >= 0.0;
+        let creeps = *law == Law::Stribeck(creeping_rad_s(speed_rad_s));
+        let falls = creeps || excess_nm + error(variance) >= 0.0;
         if let Some((of, _, nm)) = braking.iter().find(|(_, law, _)| *law == Law::Coulomb) {
             room_nm += STICKS * nm;
             variance += STICKS.powi(2) * fit.covariance[(*of, *of)]
@@ -486,8 +492,26 @@ mod tests {
         // without friction that it slides with
         assert!(!is_possible([0.0, 5.0, 3.0], Some(0.0)));
         assert!(is_possible([0.0, 5.0, 3.0], Some(2.0)));
-        // a rise is no fall
+        // a rise is no fall, unless it is how the joint creeps
         assert!(!is_possible([4.0, 0.0, -2.0], Some(0.0)));
+        let slowest = Law::Stribeck(STRIBECK_PARTS[0]);
+        let creeping = [(0, vec![4.0]), (1, vec![-2.0])];
+        let fit = Fit {
+            covariance: DMatrix::identity(2, 2) * 1e-4,
+            amplitudes: creeping.to_vec(),
+            beside: Vec::new(),
+            predicted_nm: Vec::new(),
+        };
+        let anything = |_: Law| [f64::NEG_INFINITY, f64::INFINITY];
+        let law_of = |item: usize| [Law::Coulomb, slowest][item];
+        assert!(super::is_possible(
+            &fit,
+            law_of,
+            anything,
+            |_| 0.0,
+            Some(0.0),
+            1.0
+        ));
         // what was measured is corrected either way
         assert!(is_possible([4.0, 0.0, -2.0], None));
     }

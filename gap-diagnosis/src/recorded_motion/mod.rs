@@ -118,7 +118,8 @@ pub fn diagnose(
             if mattering.len() == best.causes().count() {
                 break said;
             }
-            all.retain(|found| found.causes().all(|cause| mattering.contains(&cause)));
+            let idle: Vec<Cause> = best.causes().filter(|cause| !mattering.contains(cause)).collect();
+            all.retain(|found| !found.causes().any(|cause| idle.contains(&cause)));
         };
         let late = shared::late(robot, &arms, &all[0]);
         report.data.extend(late.as_ref().map(note_of_late));

@@ -31,9 +31,6 @@ impl Default for Presliding {
 const SHORTEST_RAD: f64 = 1e-5;
 /// Each is twice the one before, up to ten milliradians: more than gears have between their teeth.
 const LENGTHS: i32 = 10;
-/// Speeds that are tried, the highest an eighth of the usual speed and each twice the one before: a higher one is viscous friction's.
-const SPEEDS: i32 = 5;
-const FASTEST: f64 = 0.125;
 /// The longest.
 pub fn longest_rad() -> f64 {
     SHORTEST_RAD * f64::from(LENGTHS).exp2()
@@ -42,28 +39,29 @@ pub fn longest_rad() -> f64 {
 /// Golden sections between two of them: to two per cent.
 const SECTIONS: usize = 8;
 
-/// The way of each kind that leaves least, by `left`, and what it leaves: the best first.
+/// The way of each kind that leaves least, by `left`, and what it leaves: the best first. `creeping_rad_s`: about the highest speed up to
+/// which friction may rise; up to a higher one it is viscous friction.
 ///
 /// # Errors
 /// Those of `left`.
 pub fn least<E>(
-    usual_rad_s: f64,
+    creeping_rad_s: f64,
     mut left: impl FnMut(Presliding) -> Result<f64, E>,
 ) -> Result<[(Presliding, f64); 3], E> {
     let travel = |octave: f64| SHORTEST_RAD * octave.exp2();
-    let kinds: [(i32, &dyn Fn(f64) -> Presliding); 3] = [
-        (LENGTHS, &|octave| Presliding::AtOnce {
+    let kinds: [&dyn Fn(f64) -> Presliding; 3] = [
+        &|octave| Presliding::AtOnce {
             length_rad: travel(octave),
-        }),
-        (LENGTHS, &|octave| Presliding::Gradual {
+        },
+        &|octave| Presliding::Gradual {
             length_rad: travel(octave),
-        }),
-        (SPEEDS, &|octave| Presliding::BySpeed {
-            speed_rad_s: FASTEST * usual_rad_s * (octave - f64::from(SPEEDS)).exp2(),
-        }),
+        },
+        &|octave| Presliding::BySpeed {
+            speed_rad_s: creeping_rad_s * (octave - f64::from(LENGTHS)).exp2(),
+        },
     ];
     let mut all = [(Presliding::default(), f64::INFINITY); 3];
-    for ((octaves, of), best) in kinds.into_iter().zip(&mut all) {
+    for (of, best) in kinds.into_iter().zip(&mut all) {
         let mut at = |octave: f64| -> Result<f64, E> {
             let left = left(of(octave))?;
             if left < best.1 {
@@ -72,7 +70,7 @@ pub fn least<E>(
             Ok(left)
         };
         let mut coarse = (f64::INFINITY, 0.0);
-        for octave in (0..=octaves).map(f64::from) {
+        for octave in (0..=LENGTHS).map(f64::from) {
             let left = at(octave)?;
             if left < coarse.0 {
                 coarse = (left, octave);
@@ -95,19 +93,12 @@ pub fn least<E>(
 
 impl Presliding {
     /// The same, half as long again.
-    pub fn longer(self) -> Self {
-        const LONGER: f64 = 1.5;
-        match self {
-            Self::AtOnce { length_rad } => Self::AtOnce {
-                length_rad: LONGER * length_rad,
-            },
-            Self::Gradual { length_rad } => Self::Gradual {
-                length_rad: LONGER * length_rad,
-            },
-            Self::BySpeed { speed_rad_s } => Self::BySpeed {
-                speed_rad_s: LONGER * speed_rad_s,
-            },
-        }
+    pub fn longer(mut self) -> Self {
+        let (Self::AtOnce { length_rad: size }
+        | Self::Gradual { length_rad: size }
+        | Self::BySpeed { speed_rad_s: size }) = &mut self;
+        *size *= 1.5;
+        self
     }
 
     /// How far friction is bent along a motion, row by row: -1 to 1, and the sign of the velocity once the joint slips.
@@ -173,7 +164,7 @@ mod tests {
 
     #[test]
     fn the_way_that_leaves_least_is_found() {
-        let found = least(1.0, |bend: Presliding| {
+        let found = least(0.1, |bend: Presliding| {
             let left = match bend {
                 Presliding::AtOnce { .. } => 9.0,
                 Presliding::Gradual { length_rad } => (length_rad / 3e-4).ln().abs(),

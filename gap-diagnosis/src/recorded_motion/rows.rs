@@ -6,9 +6,10 @@ use nalgebra::{SMatrix, SVector};
 use robot::Robot;
 
 use super::dynamics::{ArmColumn, Drive, Torques, that_count, tip_weights};
-use super::laws::{Along, Law};
+use super::laws::{self, Along, Law};
 use super::motion::{JointMotion, Piece};
 use super::presliding::{self, Presliding};
+use crate::evidence::ALIKE;
 use crate::evidence::rows::Rows;
 use crate::evidence::told::MATERIALITY;
 use crate::report::TorqueSource;
@@ -60,7 +61,7 @@ pub struct JointRows {
     /// Mean position.
     pub mean_rad: f64,
     /// How friction turns round: what leaves least, and what it may be as well.
-    pub presliding: [Presliding; 4],
+    pub presliding: [Presliding; 3],
     /// Whether the controller feeds the reference's velocity back, where that was open.
     pub feeds_rate: bool,
     /// Inertia about the axis.
@@ -402,7 +403,7 @@ fn clock(torque_nm: &[f64], piece: &Piece, motion: &JointMotion) -> Vec<f64> {
 
 /// What is found first of a joint.
 struct Bent {
-    bend: [Presliding; 4],
+    bend: [Presliding; 3],
     /// Sum of squares that is left.
     left: f64,
     /// Dry friction beyond the file's.
@@ -458,7 +459,7 @@ fn bent(
     }
     let [mut dry_nm, mut unit_nm] = [0.0, 1.0];
     let mut least = f64::INFINITY;
-    let all = presliding::least(speed_rad_s, |bend| {
+    let all = presliding::least(laws::creeping_rad_s(speed_rad_s), |bend| {
         let mut gram = SMatrix::<f64, 6, 6>::identity() * f64::MIN_POSITIVE;
         let mut vector = SVector::<f64, 6>::zeros();
         let mut square = 0.0;
@@ -486,7 +487,9 @@ fn bent(
                 square += gap_nm[row].powi(2);
             }
         }
-        let Some(solved) = gram.cholesky() else {
+        // where the joint moves one way alone friction is an offset: half of each
+        let alike = gram.diagonal() * ALIKE;
+        let Some(solved) = (gram + SMatrix::from_diagonal(&alike)).cholesky() else {
             return Ok(square);
         };
         let values = solved.solve(&vector);
@@ -499,8 +502,10 @@ fn bent(
         Ok(left)
     })?;
     let [(best, left), (second, _), (third, _)] = all;
+    let is_by_speed = matches!(second, Presliding::BySpeed { .. });
+    let other = if is_by_speed { third } else { second };
     Ok(Bent {
-        bend: [best, second, third, best.longer()],
+        bend: [best, other, best.longer()],
         left,
         dry_nm,
         unit_nm,
