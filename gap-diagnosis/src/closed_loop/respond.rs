@@ -4,9 +4,10 @@ use crate::twin::TwinError;
 use nalgebra::DMatrix;
 
 use crate::closed_loop::search::{Model, Search, difference};
-use crate::closed_loop::spectrum::{Beside, below, most_seen, peaks};
+use crate::closed_loop::spectrum::{below, most_seen, peaks};
 use crate::effects::{Hypothesis, periodic};
 use crate::on_all_cores::OnAllCores;
+use crate::signal::beside::Beside;
 use crate::twin::observe::Channel;
 use crate::twin::{Changes, Row};
 

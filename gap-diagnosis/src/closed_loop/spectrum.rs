@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix2};
+use nalgebra::DMatrix;
 
 use crate::on_all_cores::OnAllCores;
 use crate::signal::waves::{PERIODS_MIN, Waves};
@@ -24,67 +24,6 @@ const GAIN_MIN: f64 = 17.0;
 const TRIED_MAX: usize = 1500;
 /// So many numbers of cycles are tried at a time.
 const TOGETHER: usize = 16;
-
-/// What columns take off a target's squares beside others that are fitted with them, each of these held by a normal prior of
-/// variance 1.
-pub struct Beside {
-    known: DMatrix<f64>,
-    information: Option<Cholesky<f64, Dyn>>,
-    left: DVector<f64>,
-}
-
-impl Beside {
-    /// From whitened columns and target.
-    pub fn new(known: &[Vec<f64>], target: &[f64]) -> Self {
-        let known = DMatrix::from_vec(target.len(), known.len(), known.concat());
-        let target = DVector::from_column_slice(target);
-        let own = known.tr_mul(&known) + DMatrix::identity(known.ncols(), known.ncols());
-        let information = own.cholesky();
-        let left = match &information {
-            Some(own) => &target - &known * own.solve(&known.tr_mul(&target)),
-            None => target,
-        };
-        Self {
-            known,
-            information,
-            left,
-        }
-    }
-
-    /// The same for columns that are zero but at these rows.
-    #[must_use]
-    pub fn only(&self, places: &[usize]) -> Self {
-        Self {
-            known: self.known.select_rows(places),
-            information: self.information.clone(),
-            left: self.left.select_rows(places),
-        }
-    }
-
-    /// By how much each pair of columns lessens the squares.
-    pub fn gains(&self, pairs: &DMatrix<f64>) -> Vec<f64> {
-        let between = self.known.transpose() * pairs;
-        let along = pairs.tr_mul(&self.left);
-        let eliminated = self.information.as_ref().map(|own| own.solve(&between));
-        let gain = |first: usize| {
-            let mut matrix = Matrix2::zeros();
-            for (i, j) in [(0, 0), (1, 0), (1, 1)] {
-                let [one, other] = [first + i, first + j];
-                let mut own = pairs.column(one).dot(&pairs.column(other));
-                if let Some(eliminated) = &eliminated {
-                    own -= between.column(one).dot(&eliminated.column(other));
-                }
-                matrix[(i, j)] = own;
-                matrix[(j, i)] = own;
-            }
-            matrix += Matrix2::identity() * (1e-9 * matrix.trace() + 1e-12);
-            let vector = along.fixed_rows::<2>(first);
-            let fitted = matrix.cholesky().map(|matrix| matrix.solve(&vector));
-            fitted.map_or(0.0, |fitted| vector.dot(&fitted))
-        };
-        (0..pairs.ncols()).step_by(2).map(gain).collect()
-    }
-}
 
 /// Cycles per motor turn at which a gain peaks above `GAIN_MIN`, the highest first, as far as the rows' range of angles tells
 /// them apart and below `most`. Of less than four periods only what is a whole number of cycles and has the most gain of all: a
@@ -187,6 +126,7 @@ fn settled(cycles: f64, turns: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::signal::beside::Beside;
 
     #[test]
     fn what_comes_twice_a_turn_is_looked_for_once_a_turn_too() {

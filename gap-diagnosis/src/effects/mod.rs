@@ -5,7 +5,7 @@
 //! samples show it.
 
 mod drive;
-mod form;
+pub mod form;
 mod friction;
 mod gear;
 mod list;

@@ -3,19 +3,20 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use robot::Effect;
 
 use super::motion::JointMotion;
 use crate::effects::GAIN;
+use crate::effects::form::Wave;
 use crate::evidence::told::{self, Called, MATERIALITY};
 use crate::evidence::{AMPLITUDE_NATS, ERRORS, Fit, NAME_NATS, Presupposed};
 use crate::report::Parameter;
 use crate::twin::joint::JointModel;
 
-/// Speeds of Stribeck's fall, as parts of the usual speed: 0.05 to 0.4, below which there are no rows and above which the law is
-/// viscous friction's.
-const STRIBECK_PARTS: [f64; 3] = [0.05, 0.15, 0.4];
+/// Where an exponential law has fallen to a third, as parts of its range: of Stribeck's fall of the usual speed, below which there are no
+/// rows and above which the law is viscous friction's; of a drift of the recording, with a steady one beside them.
+const DECAYS: [f64; 3] = [0.05, 0.15, 0.4];
 /// What Coulomb and viscous friction cost less where nobody measured a joint's friction, in nats: every joint rubs, and it is the odds
 /// of a cause nobody expects that a name costs. A law that corrects one of them costs more by what naming that one would cost, where it is
 /// not named: with more, a friction of nothing would be named to save it.
@@ -28,7 +29,7 @@ const FREEDOM_NATS: f64 = 0.5;
 
 /// Up to which a joint creeps.
 pub fn creeping_rad_s(usual_rad_s: f64) -> f64 {
-    STRIBECK_PARTS[0] * usual_rad_s
+    DECAYS[0] * usual_rad_s
 }
 
 /// A law of motion at one joint.
@@ -58,22 +59,59 @@ pub enum Law {
     Gravity,
     /// `q`, from its mean on.
     Spring,
+    /// Sine and cosine of so many times the motor's angle.
+    Ripple(Repeats),
+    /// `s` times those.
+    PositionDependent(Repeats),
+    /// `s` times what a first-order warming, or a steady one, has reached of what it reaches at the end of the recording.
+    Drift {
+        /// None where it is steady.
+        time_constant_s: Option<f64>,
+        /// End of the longest recording.
+        until_s: f64,
+    },
+}
+
+/// How often something repeats.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Repeats {
+    /// Cycles per turn of the motor.
+    pub cycles: u32,
+    /// How many numbers of cycles it was chosen from.
+    pub among: usize,
 }
 
 /// What the columns of laws are made of.
 pub struct Along<'a> {
     /// The joint's motion.
     pub motion: &'a JointMotion,
+    /// Each row's time since its recording began.
+    pub time_s: Vec<f64>,
+    /// Turns of the motor per turn of the joint.
+    pub gear_ratio: f64,
     /// Torque that is in proportion to a torque constant.
-    pub in_proportion_nm: &'a [f64],
+    pub in_proportion_nm: Vec<f64>,
     /// Torque that the gear carries.
     pub load_nm: &'a [f64],
     /// How far friction is bent: -1 to 1, and the sign of the velocity once the joint slips.
-    pub slip: &'a [f64],
+    pub slip: Vec<f64>,
     /// What a kg m² of the link about the joint's axis needs.
     pub link_inertia_nm: &'a [f64],
     /// Mean position.
     pub mean_rad: f64,
+}
+
+impl Repeats {
+    /// Sine and cosine of the motor's angle, times something row by row.
+    fn waves(self, along: &Along<'_>, factor: impl Fn(usize) -> f64) -> Vec<Vec<f64>> {
+        let angle = |q: &f64| f64::from(self.cycles) * along.gear_ratio * q;
+        [f64::sin, f64::cos]
+            .map(|of| {
+                let rows = along.motion.position_rad.iter().enumerate();
+                rows.map(|(k, q)| factor(k) * of(angle(q))).collect()
+            })
+            .to_vec()
+    }
 }
 
 impl Law {
@@ -90,7 +128,7 @@ impl Law {
             Self::LinkInertia,
             Self::Spring,
         ];
-        all.extend(STRIBECK_PARTS.map(|part| Self::Stribeck(part * speed_rad_s)));
+        all.extend(DECAYS.map(|part| Self::Stribeck(part * speed_rad_s)));
         if carries {
             all.extend([Self::LoadDependent, Self::TorqueConstant]);
         }
@@ -114,6 +152,9 @@ impl Law {
             Self::Inertia | Self::LinkInertia => 8,
             Self::Gravity => 9,
             Self::Spring => 10,
+            Self::Ripple(_) => 11,
+            Self::PositionDependent(_) => 12,
+            Self::Drift { .. } => 13,
         }
     }
 
@@ -127,6 +168,9 @@ impl Law {
             | Self::Spring
             | Self::Inertia
             | Self::LinkInertia
+            | Self::Ripple(_)
+            | Self::PositionDependent(_)
+            | Self::Drift { .. }
             | Self::Asymmetric => 1.0,
             Self::Quadratic | Self::LoadDependent | Self::Stribeck(_) => 2.0,
         }
@@ -138,7 +182,10 @@ impl Law {
         match self {
             Self::Stribeck(_) => &[Self::Coulomb, Self::Viscous],
             Self::Quadratic => &[Self::Viscous],
-            Self::Asymmetric | Self::LoadDependent => &[Self::Coulomb],
+            Self::Asymmetric
+            | Self::LoadDependent
+            | Self::PositionDependent(_)
+            | Self::Drift { .. } => &[Self::Coulomb],
             _ => &[],
         }
     }
@@ -169,6 +216,16 @@ impl Law {
             }
             + FREEDOM_NATS * self.freedom()
             + AMPLITUDE_NATS * (self.amplitudes() - 1) as f64
+            + (self.among() as f64).ln()
+    }
+
+    /// From how many shapes it was chosen by what the rows show.
+    fn among(self) -> usize {
+        match self {
+            Self::Ripple(of) | Self::PositionDependent(of) => of.among,
+            Self::Drift { .. } => 1 + DECAYS.len(),
+            _ => 1,
+        }
     }
 
     /// Standard deviation of its amplitude, where something is known of that before anything is seen: makers state torque constants to
@@ -184,7 +241,10 @@ impl Law {
 
     /// Numbers that it has.
     pub fn amplitudes(self) -> usize {
-        if self == Self::Gravity { 2 } else { 1 }
+        match self {
+            Self::Gravity | Self::Ripple(_) | Self::PositionDependent(_) => 2,
+            _ => 1,
+        }
     }
 
     /// Its columns along a piece, Nm per unit of each amplitude.
@@ -212,7 +272,30 @@ impl Law {
                 rows.clone().map(|k| q(k).cos()).collect(),
             ],
             Self::Spring => one(&|k| q(k) - along.mean_rad),
+            Self::Ripple(of) => of.waves(along, |_| 1.0),
+            Self::PositionDependent(of) => of.waves(along, slip),
+            Self::Drift {
+                time_constant_s,
+                until_s,
+            } => {
+                let reached = |time_s: f64| match time_constant_s {
+                    None => time_s,
+                    Some(constant_s) => -(-time_s / constant_s).exp_m1(),
+                };
+                one(&|k| slip(k) * reached(along.time_s[k]) / reached(until_s))
+            }
         }
+    }
+
+    /// Drifts that a recording of this length may have.
+    pub fn drifts(until_s: f64) -> impl Iterator<Item = Self> {
+        let constants = DECAYS.iter().map(move |part| Some(part * until_s));
+        constants
+            .chain([None])
+            .map(move |time_constant_s| Self::Drift {
+                time_constant_s,
+                until_s,
+            })
     }
 
     /// Torque of the law at a constant velocity per unit of its first amplitude; none where it is no friction.
@@ -225,7 +308,17 @@ impl Law {
             Self::Stribeck(speed_rad_s) => Some(sign * (-velocity_rad_s.abs() / speed_rad_s).exp()),
             // more one way and less the other
             Self::Asymmetric => Some(1.0),
+            Self::PositionDependent(_) | Self::Drift { .. } => Some(sign),
             _ => None,
+        }
+    }
+
+    /// Its amplitude where and when it brakes least.
+    fn least_braking(self, amplitudes: &[f64]) -> f64 {
+        match self {
+            Self::PositionDependent(_) => -Wave::of(amplitudes).size,
+            Self::Drift { .. } => amplitudes[0].min(0.0),
+            _ => amplitudes[0],
         }
     }
 
@@ -253,7 +346,9 @@ impl Law {
 
     /// The effect it is called, as a change against the file, from its amplitudes.
     pub fn effect(self, amplitudes: &[f64], told: &Told<'_>) -> Effect {
-        let value = amplitudes.first().copied().unwrap_or(0.0);
+        // a name alone has none
+        let of = |k: usize| amplitudes.get(k).copied().unwrap_or(0.0);
+        let (value, both) = (of(0), [of(0), of(1)]);
         match self {
             Self::Coulomb => Effect::CoulombFriction { coulomb_nm: value },
             Self::Viscous => Effect::ViscousFriction {
@@ -294,31 +389,64 @@ impl Law {
             },
             Self::Gravity => Effect::GravityTorque {
                 sin_nm: value,
-                cos_nm: amplitudes.get(1).copied().unwrap_or(0.0),
+                cos_nm: both[1],
             },
             Self::Spring => Effect::JointSpring {
                 stiffness_nm_rad: value,
                 rest_rad: told.mean_rad,
             },
+            // the motor helps by it, and what the joint needs of it is less by that
+            Self::Ripple(of) => {
+                let of_motor = both.map(|nm| -nm / told.model.gear_ratio);
+                let Wave { size, phase_rad } = Wave::of(&of_motor);
+                Effect::TorqueRipple {
+                    amplitude_nm: size,
+                    cycles_per_motor_rev: f64::from(of.cycles),
+                    phase_rad,
+                }
+            }
+            Self::PositionDependent(of) => {
+                let Wave { size, phase_rad } = Wave::of(&both);
+                Effect::PositionDependentFriction {
+                    amplitude_nm: size,
+                    cycles_per_motor_rev: f64::from(of.cycles),
+                    phase_rad,
+                }
+            }
+            Self::Drift {
+                time_constant_s,
+                until_s,
+            } => {
+                let warm = |constant_s: f64| value / -(-until_s / constant_s).exp_m1();
+                Effect::ThermalFrictionDrift {
+                    drift_nm_s: time_constant_s.is_none().then_some(value / until_s),
+                    time_constant_s,
+                    change_nm: time_constant_s.map(warm),
+                }
+            }
         }
     }
 
-    /// Parameters of its effect that are estimated: name, and its change per change of which amplitude.
-    pub fn parameters(
-        self,
-        amplitudes: &[f64],
-        told: &Told<'_>,
-    ) -> Vec<(&'static str, usize, f64)> {
+    /// Parameters of its effect that are estimated: name, and its change per change of each amplitude.
+    pub fn parameters(self, amplitudes: &[f64], told: &Told<'_>) -> Vec<(&'static str, Vec<f64>)> {
         let value = amplitudes.first().copied().unwrap_or(0.0);
+        let of_wave = |per: f64| {
+            let size = Wave::of(amplitudes).size.max(f64::MIN_POSITIVE);
+            let [sin, cos] = [0, 1].map(|k| amplitudes[k] / size);
+            vec![
+                ("amplitude_nm", vec![per * sin, per * cos]),
+                ("phase_rad", vec![-cos / size, sin / size]),
+            ]
+        };
         match self {
-            Self::Coulomb => vec![("coulomb_nm", 0, 1.0)],
-            Self::Viscous => vec![("viscous_nm_s_rad", 0, 1.0)],
-            Self::Quadratic => vec![("quadratic_nm_s2_rad2", 0, 1.0)],
-            Self::Stribeck(_) => vec![("stribeck_nm", 0, 1.0)],
-            Self::Asymmetric => vec![("asymmetry_nm", 0, 1.0)],
-            Self::LoadDependent => vec![("load_coefficient", 0, 1.0)],
-            Self::Offset => vec![("offset_nm", 0, -1.0)],
-            Self::TorqueConstant => vec![("gain", 0, -(1.0 + value).powi(-2))],
+            Self::Coulomb => vec![("coulomb_nm", vec![1.0])],
+            Self::Viscous => vec![("viscous_nm_s_rad", vec![1.0])],
+            Self::Quadratic => vec![("quadratic_nm_s2_rad2", vec![1.0])],
+            Self::Stribeck(_) => vec![("stribeck_nm", vec![1.0])],
+            Self::Asymmetric => vec![("asymmetry_nm", vec![1.0])],
+            Self::LoadDependent => vec![("load_coefficient", vec![1.0])],
+            Self::Offset => vec![("offset_nm", vec![-1.0])],
+            Self::TorqueConstant => vec![("gain", vec![-(1.0 + value).powi(-2)])],
             Self::Inertia => {
                 let rotor = matches!(self.effect(amplitudes, told), Effect::RotorInertia { .. });
                 let per = if rotor {
@@ -326,11 +454,18 @@ impl Law {
                 } else {
                     1.0
                 };
-                vec![("inertia_kg_m2", 0, per)]
+                vec![("inertia_kg_m2", vec![per])]
             }
-            Self::LinkInertia => vec![("inertia_kg_m2", 0, 1.0)],
-            Self::Gravity => vec![("sin_nm", 0, 1.0), ("cos_nm", 1, 1.0)],
-            Self::Spring => vec![("stiffness_nm_rad", 0, 1.0)],
+            Self::LinkInertia => vec![("inertia_kg_m2", vec![1.0])],
+            Self::Gravity => vec![("sin_nm", vec![1.0, 0.0]), ("cos_nm", vec![0.0, 1.0])],
+            Self::Spring => vec![("stiffness_nm_rad", vec![1.0])],
+            Self::Ripple(_) => of_wave(told.model.gear_ratio.abs().recip()),
+            Self::PositionDependent(_) => of_wave(1.0),
+            Self::Drift {
+                time_constant_s: Some(constant_s),
+                until_s,
+            } => vec![("change_nm", vec![1.0 / -(-until_s / constant_s).exp_m1()])],
+            Self::Drift { until_s, .. } => vec![("drift_nm_s", vec![until_s.recip()])],
         }
     }
 }
@@ -378,10 +513,10 @@ impl Called for Laws<'_> {
     ) -> BTreeMap<String, Parameter> {
         let law = self.all[item];
         let mut parameters = told::parameters(&law.effect(amplitudes, &self.told));
-        for (name, amplitude, per) in law.parameters(amplitudes, &self.told) {
+        for (name, per) in law.parameters(amplitudes, &self.told) {
             if let Some(parameter) = parameters.get_mut(name) {
-                let variance = covariance[(amplitude, amplitude)];
-                parameter.std = per.abs() * variance.max(0.0).sqrt();
+                let per = DVector::from_vec(per);
+                parameter.std = (covariance * &per).dot(&per).max(0.0).sqrt();
             }
         }
         parameters
@@ -417,7 +552,7 @@ pub fn is_possible(
         if value + error < least || value - error > most {
             return false;
         }
-        braking.push((place, law, *value));
+        braking.push((place, law, law.least_braking(amplitudes)));
         place += amplitudes.len();
     }
     braking.retain(|(_, law, _)| law.friction_nm(1.0).is_some());
@@ -494,7 +629,7 @@ mod tests {
         assert!(is_possible([0.0, 5.0, 3.0], Some(2.0)));
         // a rise is no fall, unless it is how the joint creeps
         assert!(!is_possible([4.0, 0.0, -2.0], Some(0.0)));
-        let slowest = Law::Stribeck(STRIBECK_PARTS[0]);
+        let slowest = Law::Stribeck(DECAYS[0]);
         let creeping = [(0, vec![4.0]), (1, vec![-2.0])];
         let fit = Fit {
             covariance: DMatrix::identity(2, 2) * 1e-4,

@@ -118,7 +118,10 @@ pub fn diagnose(
             if mattering.len() == best.causes().count() {
                 break said;
             }
-            let idle: Vec<Cause> = best.causes().filter(|cause| !mattering.contains(cause)).collect();
+            let idle: Vec<Cause> = best
+                .causes()
+                .filter(|cause| !mattering.contains(cause))
+                .collect();
             all.retain(|found| !found.causes().any(|cause| idle.contains(&cause)));
         };
         let late = shared::late(robot, &arms, &all[0]);

@@ -1,20 +1,24 @@
 //! One joint's compared rows: the torque that the robot file does not need, and all columns that may explain it, in one band.
 
+use std::f64::consts::TAU;
+
 use joint_model::filter::FilterError;
 use joint_model::rigid_body::JointKind;
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{DMatrix, SMatrix, SVector};
 use robot::Robot;
 
 use super::dynamics::{ArmColumn, Drive, Torques, that_count, tip_weights};
-use super::laws::{self, Along, Law};
+use super::laws::{self, Along, Law, Repeats};
 use super::motion::{JointMotion, Piece};
 use super::presliding::{self, Presliding};
-use crate::evidence::ALIKE;
 use crate::evidence::rows::Rows;
 use crate::evidence::told::MATERIALITY;
+use crate::evidence::{ALIKE, independent_rows};
 use crate::report::TorqueSource;
 use crate::signal::band::{Band, MOTION_HZ};
+use crate::signal::beside::Beside;
 use crate::signal::smooth::derivative;
+use crate::signal::waves::PERIODS_MIN;
 use crate::twin::known::PART_MIN;
 
 /// Compared rows of a joint at most: twenty times as many as are independent on the longest of eight real logs.
@@ -72,8 +76,10 @@ pub struct JointRows {
 
 /// What one piece gives to a joint's rows.
 struct Kept<'a> {
+    piece: &'a Piece,
     band: Band,
-    rows: &'a [usize],
+    rows: Vec<usize>,
+    along: Along<'a>,
 }
 
 impl Kept<'_> {
@@ -159,6 +165,7 @@ impl JointRows {
             .iter()
             .map(|law| (*law, vec![Vec::new(); law.amplitudes()]))
             .collect();
+        let mut kept = Vec::new();
         for ((piece, torques), counted) in pieces.iter().zip(torques).zip(&counted) {
             let motion = &piece.joints[joint];
             if motion.torque_nm.is_none() {
@@ -166,12 +173,14 @@ impl JointRows {
             }
             let band_part = 2.0 * piece.compared_hz() / motion.recorded_hz;
             rows.noise_nm = rows.noise_nm.max(motion.noise_nm * band_part.sqrt());
-            let kept_rows: Vec<usize> = counted.iter().copied().step_by(every).collect();
-            let kept = Kept {
+            let piece_of = Kept {
+                piece,
                 band: Band::of(piece.rate_hz, piece.compared_hz()),
-                rows: &kept_rows,
+                rows: counted.iter().copied().step_by(every).collect(),
+                along: rows.along(&drive, piece, torques, joint),
             };
-            rows.add(&drive, piece, torques, joint, &kept)?;
+            rows.add(&drive, torques, joint, &piece_of)?;
+            kept.push(piece_of);
         }
         rows.tolerated = that_count(std::mem::take(&mut rows.tolerated));
         rows.links = that_count(std::mem::take(&mut rows.links));
@@ -186,6 +195,8 @@ impl JointRows {
         rows.drop_link_inertia_of_the_first();
         if square(&rows.seen.measured_nm) == 0.0 {
             rows.drop_masses();
+        } else {
+            rows.offer(source, &kept)?;
         }
         Ok(Some(rows))
     }
@@ -227,6 +238,87 @@ impl JointRows {
         if apart < least || link < least {
             self.laws.retain(|(law, _)| *law != Law::LinkInertia);
         }
+    }
+
+    /// Adds those laws whose shape the rows tell, one of each kind: a ripple of the motor's torque, friction that repeats with the motor's
+    /// angle, and one that drifts. Which is what takes most of what all else leaves; it is added if that may be worth its name.
+    fn offer(&mut self, source: TorqueSource, kept: &[Kept<'_>]) -> Result<(), FilterError> {
+        let gap_nm = self.seen.gap_nm();
+        let laws = self.laws.iter().flat_map(|(_, columns)| columns);
+        let beside = [&self.tolerated, &self.links, &self.untold];
+        // as free as they may be
+        let known = laws.chain(beside.into_iter().flatten()).map(|column| {
+            let square: f64 = column.iter().map(|x| x * x).sum();
+            let scale = (ALIKE * square).sqrt().max(f64::MIN_POSITIVE).recip();
+            column.iter().map(|x| scale * x).collect()
+        });
+        let left = Beside::new(&known.collect::<Vec<Vec<f64>>>(), &gap_nm);
+        let square: f64 = left.left().iter().map(|x| x * x).sum();
+        let independent = independent_rows(left.left());
+        let until_s = self.seen.time_s.iter().copied().fold(0.0, f64::max);
+        let cycles = self.cycles(kept);
+        let repeats = || {
+            let among = cycles.len();
+            cycles.iter().map(move |cycles| Repeats {
+                cycles: *cycles,
+                among,
+            })
+        };
+        // what a motor makes does not reach a sensor behind the gear as it is
+        let ripples = repeats().filter(|_| source != TorqueSource::Sensor);
+        let kinds: [Vec<Law>; 3] = [
+            ripples.map(Law::Ripple).collect(),
+            repeats().map(Law::PositionDependent).collect(),
+            Law::drifts(until_s).collect(),
+        ];
+        for kind in kinds {
+            let mut most = None;
+            for law in kind {
+                let mut columns = vec![Vec::new(); law.amplitudes()];
+                for piece in kept {
+                    for (column, added) in columns.iter_mut().zip(law.columns(&piece.along)) {
+                        column.extend(piece.limited(&added)?);
+                    }
+                }
+                let mut pair = columns.concat();
+                pair.resize(2 * gap_nm.len(), 0.0);
+                let gain = left.gains(&DMatrix::from_vec(gap_nm.len(), 2, pair))[0];
+                if most.as_ref().is_none_or(|(best, _)| gain > *best) {
+                    most = Some((gain, (law, columns)));
+                }
+            }
+            let Some((gain, (law, columns))) = most else {
+                continue;
+            };
+            let nats = -0.5 * independent * (1.0 - gain / square).max(f64::MIN_POSITIVE).ln();
+            if nats > law.cost(false) {
+                self.laws.push((law, columns));
+            }
+        }
+        Ok(())
+    }
+
+    /// Cycles per turn of the motor that repeat often enough within the motion, and at half of the speeds within the band.
+    fn cycles(&self, kept: &[Kept<'_>]) -> Vec<u32> {
+        /// Of motors' pole pairs there are some tens, and of their slots.
+        const CYCLES_MAX: u32 = 128;
+        let Some(first) = kept.first() else {
+            return Vec::new();
+        };
+        let turns = |rad: f64| (first.along.gear_ratio * rad / TAU).abs();
+        let position = self.seen.position_rad.iter();
+        let [low, high] = position.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], q| {
+            [low.min(*q), high.max(*q)]
+        });
+        let mut speeds: Vec<f64> = self.seen.velocity_rad_s.iter().map(|v| v.abs()).collect();
+        speeds.sort_by(f64::total_cmp);
+        let turns_s = turns(speeds.get(speeds.len() / 2).copied().unwrap_or(0.0));
+        let within = |cycles: &u32| {
+            let cycles = f64::from(*cycles);
+            cycles * turns(high - low) >= PERIODS_MIN
+                && cycles * turns_s <= first.piece.compared_hz()
+        };
+        (1..=CYCLES_MAX).filter(within).collect()
     }
 
     /// The same with the torque in this unit, as if the file needed none.
@@ -310,34 +402,47 @@ impl JointRows {
         found.map_or(&[], |(_, columns)| columns)
     }
 
-    fn add(
-        &mut self,
+    fn along<'a>(
+        &self,
         drive: &Drive,
-        piece: &Piece,
-        torques: &Torques,
+        piece: &'a Piece,
+        torques: &'a Torques,
         joint: usize,
-        kept: &Kept<'_>,
-    ) -> Result<(), FilterError> {
+    ) -> Along<'a> {
         let motion = &piece.joints[joint];
         let rigid_nm = &torques.rigid_nm[joint];
-        let [slip, others @ ..] = self.presliding.map(|presliding| presliding.slip(motion));
-        let nominal_nm = drive.torque_nm(motion, &slip, rigid_nm);
-        let along = Along {
+        let slip = self.presliding[0].slip(motion);
+        Along {
             motion,
-            slip: &slip,
-            in_proportion_nm: &drive.in_proportion_nm(motion, &slip, rigid_nm),
+            time_s: (0..slip.len()).map(|row| piece.time_s(row)).collect(),
+            gear_ratio: drive.model().gear_ratio,
+            in_proportion_nm: drive.in_proportion_nm(motion, &slip, rigid_nm),
             load_nm: rigid_nm,
+            slip,
             link_inertia_nm: torques.link_inertia_nm[joint]
                 .as_deref()
                 .unwrap_or(&motion.acceleration_rad_s2),
             mean_rad: self.mean_rad,
-        };
+        }
+    }
+
+    fn add(
+        &mut self,
+        drive: &Drive,
+        torques: &Torques,
+        joint: usize,
+        kept: &Kept<'_>,
+    ) -> Result<(), FilterError> {
+        let Kept { piece, along, .. } = kept;
+        let (motion, slip) = (along.motion, &along.slip);
+        let rigid_nm = &torques.rigid_nm[joint];
+        let nominal_nm = drive.torque_nm(motion, slip, rigid_nm);
         for (law, columns) in &mut self.laws {
-            for (column, added) in columns.iter_mut().zip(law.columns(&along)) {
+            for (column, added) in columns.iter_mut().zip(law.columns(along)) {
                 column.extend(kept.limited(&added)?);
             }
         }
-        let own = drive.tolerated(motion, &slip, rigid_nm);
+        let own = drive.tolerated(motion, slip, rigid_nm);
         let mut tolerated = Vec::new();
         for column in own {
             tolerated.push(kept.limited(&column)?);
@@ -354,8 +459,10 @@ impl JointRows {
         if let Some(torque_nm) = motion.torque_nm(self.feeds_rate) {
             let smooth_nm = kept.band.limit(&torque_nm)?;
             let mut untold = vec![kept.raw(&clock(&smooth_nm, piece, motion))];
-            for bent in others.into_iter().chain([turned_earlier(&slip, piece)]) {
-                let both = bent.iter().zip(&slip);
+            let others = self.presliding[1..].iter();
+            let others = others.map(|presliding| presliding.slip(motion));
+            for bent in others.chain([turned_earlier(slip, piece)]) {
+                let both = bent.iter().zip(slip);
                 let apart: Vec<f64> = both.map(|(a, b)| self.dry_nm * (a - b)).collect();
                 untold.push(kept.limited(&apart)?);
             }
