@@ -102,7 +102,7 @@ pub fn diagnose(
         }
         report.data.extend(untold(robot, &usable.read, &pieces));
         let (mut arms, mut all) = shared::searched(robot, of_right_sign, progress);
-        // what explains little of every joint is no cause of theirs: it is left out, and nothing else takes its place
+        // what explains little of every joint is no cause of theirs: it is left out, and nothing but the links takes its place
         let said = loop {
             let probability = probabilities(&all);
             let best = &mut all[0];
@@ -118,11 +118,13 @@ pub fn diagnose(
             if mattering.len() == best.causes().count() {
                 break said;
             }
-            let idle: Vec<Cause> = best
-                .causes()
-                .filter(|cause| !mattering.contains(cause))
-                .collect();
-            all.retain(|found| !found.causes().any(|cause| idle.contains(&cause)));
+            // links that weigh other than the file says are what a payload is a part of
+            let told: Vec<Cause> = best.causes().collect();
+            let may_be = |cause: Cause| {
+                let are_others = matches!(cause, Cause::Masses(_)) && !told.contains(&cause);
+                mattering.contains(&cause) || are_others
+            };
+            all.retain(|found| found.causes().all(may_be));
         };
         let late = shared::late(robot, &arms, &all[0]);
         report.data.extend(late.as_ref().map(note_of_late));
@@ -403,9 +405,11 @@ fn matters(said: &[Said], place: usize, materiality: f64) -> bool {
     let shares: Vec<Interval> = told
         .filter_map(|said| said.shared.get(place).copied())
         .collect();
-    let mean =
-        |of: fn(&Interval) -> f64| shares.iter().map(of).sum::<f64>() / shares.len().max(1) as f64;
-    mean(|share| share.value) >= materiality && mean(|share| share.low) > 0.0
+    let joints = shares.len().max(1) as f64;
+    let mean = shares.iter().map(|share| share.value).sum::<f64>() / joints;
+    // of joints that err each for itself
+    let error = shares.iter().map(|share| (share.value - share.low).powi(2));
+    mean >= materiality && mean > error.sum::<f64>().sqrt() / joints
 }
 
 fn joints(robot: &Robot, read: &[Read], pieces: &[Piece]) -> Result<Vec<Joint>, DiagnoseError> {
