@@ -355,17 +355,12 @@ fn said(
             },
         };
         let named = |cause: Cause| (cause.name(), joint.of_arm(cause).len());
-        let mut named: Vec<(&'static str, usize)> = found.causes().map(named).collect();
+        let named: Vec<(Option<&'static str>, usize)> = found.causes().map(named).collect();
         let of_links = links::among(&found.shared).filter(|_| with.is_some());
         let of_links = of_links.and_then(|(place, shared)| {
             let told = links::of_joint(joint, shared, probability[place])?;
             Some((place, told))
         });
-        if let Some((place, told)) = &of_links
-            && let Some(kind) = EffectKind::named(&told.effect)
-        {
-            named[*place].0 = kind.name();
-        }
         let found = Found {
             joint: &robot.joints[joint.index].name,
             rows: &joint.rows.seen,
