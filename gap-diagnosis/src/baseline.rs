@@ -156,12 +156,7 @@ fn told(name: &str, search: &Search<'_>, choices: Vec<Choice>) -> JointReport {
             effect: choices[0].effect.to_owned(),
             probability: candidates[0].probability,
             parameters: values::term_parameters(search, term, &DMatrix::zeros(0, 0)).0,
-            side: None,
-            share: 0.0,
-            share_low: 0.0,
-            share_high: 0.0,
-            shrink_alone: 0.0,
-            of_links: false,
+            ..NamedEffect::default()
         })
         .collect();
     let stage = choices[0].term.as_ref().map(|term| term.hypothesis.stage());

@@ -140,7 +140,7 @@ pub struct LinkChange {
 }
 
 /// An effect that is named.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct NamedEffect {
     /// Identifier.
     pub effect: String,

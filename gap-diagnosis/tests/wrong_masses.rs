@@ -145,7 +145,7 @@ fn links_that_weigh_other_than_the_file_says_are_told_and_friction_is_as_it_is()
         .iter()
         .find(|effect| effect.of_links);
     assert_eq!(weighs.unwrap().effect, "gravity_torque");
-    let is_told = |finding: &DataFinding| finding.what.starts_with("the links' masses");
+    let is_told = |finding: &DataFinding| finding.what.starts_with("links weigh other");
     assert!(report.data.iter().any(is_told), "{:?}", report.data);
 }
 

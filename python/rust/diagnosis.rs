@@ -113,7 +113,8 @@ pub type Mended = (
 #[pyfunction]
 pub fn mended(robot: &Robot, report: &str, remaining: bool) -> PyResult<Mended> {
     let report = Report::from_json(report).map_err(input)?;
-    let mended = library::mended(&robot.as_text(), report, "report", remaining).map_err(raised)?;
+    let mended =
+        library::mended(&robot.as_text(), report, "report", remaining, None).map_err(raised)?;
     let changes = mended.changes.into_iter();
     let changes = changes.map(|change| (change.joint, change.effect, change.done));
     let robot = Robot::of(mended.text, robot.source.clone(), robot.given.clone())?;

@@ -75,7 +75,7 @@ impl Robot {
     }
 
     /// The links with what does not move as part of what carries it.
-    fn lumped(&self, moves: &dyn Fn(usize) -> bool) -> Lumped {
+    pub(crate) fn lumped(&self, moves: &dyn Fn(usize) -> bool) -> Lumped {
         let links = self.chain.links().iter().enumerate();
         let parts: Vec<Part> = links
             .map(|(index, link)| Part {
@@ -86,11 +86,7 @@ impl Robot {
                 } else {
                     Movement::Held(link.kind, link.axis, 0.0)
                 },
-                mass: MassProperties {
-                    mass_kg: link.mass_kg,
-                    centre_m: link.centre_of_mass_m,
-                    inertia_kg_m2: link.inertia_kg_m2,
-                },
+                mass: MassProperties::of(link),
             })
             .collect();
         lump(&parts)
@@ -108,7 +104,7 @@ impl Robot {
 }
 
 /// The frame of the last link in that of the last one that moves; none where that does not carry it.
-fn last_frame(lumped: &Lumped) -> Option<Isometry3<f64>> {
+pub(crate) fn last_frame(lumped: &Lumped) -> Option<Isometry3<f64>> {
     match lumped.places.last() {
         Some((Some(link), frame)) if *link + 1 == lumped.links.len() => Some(*frame),
         _ => None,

@@ -1,5 +1,6 @@
 //! Frames and mass properties as descriptions of robots give them.
 
+use joint_model::rigid_body::Link;
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
 
 /// A frame by its place and fixed-axis roll, pitch, yaw.
@@ -39,6 +40,15 @@ impl MassProperties {
     /// About its centre.
     pub fn largest_inertia_kg_m2(&self) -> f64 {
         self.inertia_kg_m2.symmetric_eigenvalues().max()
+    }
+
+    /// A whole link's, in its frame.
+    pub fn of(link: &Link) -> Self {
+        Self {
+            mass_kg: link.mass_kg,
+            centre_m: link.centre_of_mass_m,
+            inertia_kg_m2: link.inertia_kg_m2,
+        }
     }
 
     pub fn none() -> Self {

@@ -8,6 +8,7 @@ use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::check;
 use crate::error::{Place, RobotError};
+use crate::links::{Reshaped, Reshaping};
 use crate::mass::MassProperties;
 use crate::{Control, ControlKind, Feedback, Feedforward, RobotJoint};
 
@@ -196,14 +197,14 @@ impl Model {
             names,
             links,
             held: held_joints,
-            carriers: places.iter().map(|(carrier, _)| *carrier).collect(),
+            places,
         })
     }
 
     /// Bodies that move and swing as no part of a robot does, where they have more inertia than all others together.
     pub fn notes_of_wide(&self, moving: &Moving) -> Vec<String> {
-        let bodies = self.bodies.iter().zip(&moving.carriers);
-        let moved = bodies.filter(|(_, carrier)| carrier.is_some());
+        let bodies = self.bodies.iter().zip(&moving.places);
+        let moved = bodies.filter(|(_, (carrier, _))| carrier.is_some());
         let moved: Vec<(&Body, f64)> = moved
             .map(|(body, _)| (body, body.mass.largest_inertia_kg_m2()))
             .collect();
@@ -213,10 +214,26 @@ impl Model {
             .collect()
     }
 
+    /// The bodies that links are made of, each with its link and what its own mass properties come to, where `held` says how the other joints
+    /// stand.
+    pub fn reshaped<'a>(
+        &'a self,
+        held: &BTreeMap<String, f64>,
+        by: &'a Reshaping,
+    ) -> Result<Vec<(&'a Body, &'a Reshaped, MassProperties)>, RobotError> {
+        let moving = self.links(|name| by.names.iter().any(|own| own == name), held)?;
+        let bodies = self.bodies.iter().zip(&moving.places);
+        let parts = bodies.filter_map(|(body, (carrier, frame))| {
+            let link = by.links.get((*carrier)?)?;
+            Some((body, link, link.body(&body.mass, frame)))
+        });
+        Ok(parts.collect())
+    }
+
     /// Where an inertia is described that makes a link none that a body can have.
     pub fn culprit(&self, moving: &Moving, link: usize) -> Option<&Place> {
-        let bodies = self.bodies.iter().zip(&moving.carriers);
-        let mut parts = bodies.filter(|(_, carrier)| **carrier == Some(link));
+        let bodies = self.bodies.iter().zip(&moving.places);
+        let mut parts = bodies.filter(|(_, (carrier, _))| *carrier == Some(link));
         parts
             .find(|(body, _)| !is_inertia_of_a_body(&body.mass.inertia_kg_m2))
             .map(|(body, _)| &body.place)
@@ -283,8 +300,8 @@ pub struct Moving {
     pub names: Vec<String>,
     pub links: Vec<Link>,
     pub held: Vec<HeldJoint>,
-    /// The link that each of the model's bodies is part of; `None` for the base.
-    carriers: Vec<Option<usize>>,
+    /// The link that each of the model's bodies is part of, `None` for the base, and the body's frame in it.
+    places: Vec<(Option<usize>, Isometry3<f64>)>,
 }
 
 /// A joint that does not move, and where it is held.

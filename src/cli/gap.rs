@@ -105,12 +105,13 @@ Examples:
 
 Everything else in the file stays as it was written, comments included. A change of a value that
 the file has is added to that value; what was changed is printed. Feedforward, emulator and
-diagnosis take the new file.
+diagnosis take the new file. Masses of links that a URDF or a MuJoCo model has go into a new one
+beside it (mended_links.urdf), which it names.
 
 With another --format the effects are written where that simulator reads them:
   mjcf      joints' damping, frictionloss, armature and spring, actuators' gains, limits and
-            delay, bodies for a payload
-  urdf      <dynamics> damping and friction, <limit effort>, links for a payload
+            delay, bodies for a payload, <inertial> of links
+  urdf      <dynamics> damping and friction, <limit effort>, links for a payload, <inertial>
   isaaclab  Python text for ArticulationCfg.actuators: gains, armature, friction, limits, delay
 The MuJoCo model or URDF that --robot is, or that its robot file names, is taken as it stands;
 another robot is converted. What the format cannot say is told, with the share of the gap it is.

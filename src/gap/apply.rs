@@ -1,6 +1,6 @@
 //! `flexspline gap apply`: a robot file with the diagnosed effects in it, everything else as it was written.
 
-mod links;
+pub mod links;
 mod remaining;
 mod simulator;
 
@@ -38,6 +38,9 @@ struct Applied<'a> {
     schema: u32,
     robot_file: &'a Path,
     changes: &'a [Change],
+    /// The URDF or MuJoCo model that the new robot file names, where that is new too.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    description: Option<&'a Path>,
     /// What of the rest no table holds.
     #[serde(skip_serializing_if = "<[String]>::is_empty")]
     left_out: &'a [String],
@@ -65,9 +68,10 @@ pub fn apply(arguments: &GapApplyArguments) -> Result<(), CliError> {
         name: &arguments.robot,
     };
     let report_name = arguments.report.display().to_string();
-    let mended = mended(&robot, report, &report_name, arguments.remaining)?;
-    save(&mended.text, &source, &arguments.out)?;
-    tell(arguments, &mended.changes, &mended.left_out)
+    let out = Some(arguments.out.as_path());
+    let mended = mended(&robot, report, &report_name, arguments.remaining, out)?;
+    mended.save(&source, &arguments.out)?;
+    tell(arguments, &mended)
 }
 
 /// Writes a robot file that came from there; what it names is then named from where it is.
@@ -99,10 +103,26 @@ pub struct Mended {
     pub changes: Vec<Change>,
     /// What of the rest no table holds, in sentences.
     pub left_out: Vec<String>,
+    /// What the file is to name instead of the description that it names.
+    pub description: Option<links::NewDescription>,
+}
+
+impl Mended {
+    /// Writes the robot file, and the description beside it that is new.
+    fn save(&self, source: &Source, out: &Path) -> Result<(), CliError> {
+        let Some(new) = &self.description else {
+            return save(&self.text, source, out);
+        };
+        write_text(&new.path, &new.text)?;
+        let mut document: DocumentMut = self.text.parse().map_err(CliError::input)?;
+        let name = new.path.file_name().unwrap_or_default().to_string_lossy();
+        document[new.key] = toml_edit::value(name.into_owned());
+        write_text(out, &document.to_string())
+    }
 }
 
 /// Adds a report's effects to a robot file, with `remaining` also what has no name, as tables. `report_name` is what errors call the
-/// report.
+/// report. Links of a URDF or a MuJoCo model go into a new one, which is to lie beside `out`; without that they are left out.
 ///
 /// # Errors
 /// [`CliError::Input`] if the report does not fit the robot, [`CliError::Negative`] if it names no effect.
@@ -111,6 +131,7 @@ pub fn mended(
     mut report: Report,
     report_name: &str,
     remaining: bool,
+    out: Option<&Path>,
 ) -> Result<Mended, CliError> {
     let file = RobotFile::parse(robot.text, robot.name).map_err(CliError::input)?;
     check_name([report_name, robot.name], &report, &file.name)?;
@@ -120,13 +141,14 @@ pub fn mended(
     let refuse =
         |reason: String| CliError::Input(format!("{report_name} with {}: {reason}", robot.name));
     let text = with_joint_tables(robot.text, file, &built).map_err(refuse)?;
-    let impossible = take_impossible(&mut report, &text, robot);
-    let (text, mut changes) = with_effects(&text, &report).map_err(refuse)?;
-    let links = links::with_links(&text, &report).map_err(refuse)?;
+    let links = links::with_links(&text, &built, &report, out).map_err(refuse)?;
+    let impossible = take_impossible(&mut report, &links.text, robot);
+    let (text, mut changes) = with_effects(&links.text, &report).map_err(refuse)?;
     changes.extend(links.changes);
     let mut mended = Mended {
-        text: links.text,
+        text,
         changes,
+        description: links.description,
         left_out: sensors(&report)
             .chain(impossible)
             .chain(links.left_out)
@@ -185,16 +207,15 @@ pub fn read_report(path: &Path) -> Result<Report, CliError> {
     Report::from_json(&text).map_err(|error| refuse(error.to_string()))
 }
 
-fn tell(
-    arguments: &GapApplyArguments,
-    changes: &[Change],
-    left_out: &[String],
-) -> Result<(), CliError> {
+fn tell(arguments: &GapApplyArguments, mended: &Mended) -> Result<(), CliError> {
+    let (changes, left_out) = (&mended.changes, &mended.left_out);
+    let description = mended.description.as_ref().map(|new| new.path.as_path());
     if let Some(path) = &arguments.json {
         let applied = Applied {
             schema: 1,
             robot_file: &arguments.out,
             changes,
+            description,
             left_out,
         };
         write_json(&applied, path)?;
@@ -209,6 +230,9 @@ fn tell(
     }
     for sentence in left_out {
         let _ = writeln!(text, "{sentence}");
+    }
+    if let Some(path) = description {
+        let _ = writeln!(text, "its bodies: {}", path.display());
     }
     let _ = writeln!(text, "robot file: {}", arguments.out.display());
     print(&text)
@@ -505,6 +529,11 @@ fn add_to_joint(
 fn add_to_number(table: &mut dyn TableLike, key: &str, change: f64) -> String {
     let before = table.get(key).map_or(0.0, float);
     let after = rounded(before + change);
+    put_number(table, key, after);
+    format!("{key} {before} -> {after}")
+}
+
+fn put_number(table: &mut dyn TableLike, key: &str, after: f64) {
     match table.get_mut(key).and_then(Item::as_value_mut) {
         Some(value) => {
             let decor = value.decor().clone();
@@ -515,7 +544,6 @@ fn add_to_number(table: &mut dyn TableLike, key: &str, change: f64) -> String {
             table.insert(key, toml_edit::value(after));
         }
     }
-    format!("{key} {before} -> {after}")
 }
 
 fn float(item: &Item) -> f64 {

@@ -10,6 +10,7 @@ use serde::Serialize;
 use services::tracking::TrackingReport;
 use twin::Robots;
 
+use super::apply::links::with_links;
 use super::apply::{with_effects, with_joint_tables};
 use super::emulated::Course;
 use crate::cli::GapRoundArguments;
@@ -65,7 +66,8 @@ pub fn round(arguments: &GapRoundArguments) -> Result<(), CliError> {
     let mut rounds = Vec::with_capacity(injections.len());
     for injection in &injections {
         let report = diagnosed(&robot, &courses.diagnosed, injection)?;
-        let (mended, _) = with_effects(&text, &report).map_err(CliError::Negative)?;
+        let linked = with_links(&text, &robot, &report, None).map_err(CliError::Negative)?;
+        let (mended, _) = with_effects(&linked.text, &report).map_err(CliError::Negative)?;
         let mended = build(&mended, "the mended robot file", &source)?;
         let tracked = |model| {
             let robots = Robots {

@@ -158,6 +158,6 @@ pub fn named_effect(found: &Found, share: f64) -> NamedEffect {
         share_low: share,
         share_high: share,
         shrink_alone: share,
-        of_links: false,
+        ..NamedEffect::default()
     }
 }

@@ -66,7 +66,7 @@ struct Joint<'a> {
 /// What the arm shares.
 struct Arm<'a> {
     /// Name of a cause, and its columns.
-    shared: Option<(&'static str, usize)>,
+    shared: Option<(Option<&'static str>, usize)>,
     /// A delay of its bus.
     common: Option<&'a CommonDelay>,
 }
@@ -576,7 +576,9 @@ pub fn diagnose(
         });
         let common = common_delay(counted);
         let arm = Arm {
-            shared: cause.as_ref().map(|(shared, _)| shared.named()),
+            shared: cause
+                .as_ref()
+                .map(|(shared, _)| (shared.cause.name(), shared.cause.amplitudes())),
             common: common.as_ref(),
         };
         let told = all

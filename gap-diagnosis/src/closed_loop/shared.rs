@@ -45,7 +45,7 @@ fn beside(
 ) -> Result<Option<(About, OfArm)>, TwinError> {
     let search = &joint.search;
     let mut hypotheses = search.hypotheses.iter();
-    let Some(hypothesis) = hypotheses.find(|of| of.name() == cause.name()) else {
+    let Some(hypothesis) = hypotheses.find(|of| Some(of.name()) == cause.name()) else {
         return Ok(None);
     };
     let steps = steps(cause, joint, hypothesis);

@@ -27,7 +27,7 @@ pub enum Cause {
     Payload,
     /// By how much later a reference reaches every drive than it was recorded.
     Delay,
-    /// Masses, centres and inertias of so many links, in standard deviations.
+    /// Masses, centres and inertias of so many links, in standard deviations; the last of several causes.
     Masses(usize),
     /// Roll and pitch of the base.
     Tilt,
@@ -56,14 +56,19 @@ impl Cause {
         }
     }
 
-    /// The effect's name.
-    pub fn name(self) -> &'static str {
+    /// The effect's name; none where it has another one at each joint.
+    pub fn name(self) -> Option<&'static str> {
         match self {
-            Self::Payload => "payload",
-            Self::Delay => "command_delay",
-            Self::Masses(_) => "gravity_torque",
-            Self::Tilt => "base_tilt",
+            Self::Payload => Some("payload"),
+            Self::Delay => Some("command_delay"),
+            Self::Masses(_) => None,
+            Self::Tilt => Some("base_tilt"),
         }
+    }
+
+    /// Whether it is what links are.
+    pub fn is_of_links(&self) -> bool {
+        matches!(self, Self::Masses(_))
     }
 
     /// What it is called at these amplitudes; none where it has another name at each joint.
@@ -122,11 +127,9 @@ impl Cause {
         let links = robot.chain.links();
         let last = match (self, links.last()) {
             (Self::Delay, _) => return said[0] + error(0) > 0.0,
-            (Self::Masses(links), _) => {
-                let of_links =
-                    (0..links).flat_map(|link| [0, OF_LINK - 1].map(|k| OF_LINK * link + k));
-                let mut parts = of_links.map(|k| 1.0 + LINKS_WRONG * (said[k] + error(k)));
-                return parts.all(|part| part > 0.0);
+            (Self::Masses(_), _) => {
+                let is_body = |k: usize| 1.0 + LINKS_WRONG * (said[k] + error(k)) > 0.0;
+                return of_bodies(&[self]).into_iter().all(is_body);
             }
             (Self::Payload, Some(last)) => last,
             _ => return true,
@@ -166,7 +169,8 @@ impl Cause {
 
 /// A cause with what all joints say of it.
 pub struct Shared {
-    cause: Cause,
+    /// Which.
+    pub cause: Cause,
     /// Its amplitudes.
     pub said: DVector<f64>,
     /// Theirs.
@@ -174,49 +178,14 @@ pub struct Shared {
 }
 
 impl Shared {
-    /// Which.
-    pub fn cause(&self) -> Cause {
-        self.cause
-    }
-
-    /// Holds masses and inertias of links above nothing, as far as their errors let them; the other values give way as they go with those
-    /// (a Gaussian given some of its values).
-    fn hold_within_bodies(&mut self) {
-        /// Of the file's: as good as nothing, and still a body.
-        const LEAST: f64 = 0.01;
-        let Cause::Masses(links) = self.cause else {
-            return;
-        };
-        let least = (LEAST - 1.0) / LINKS_WRONG;
-        // one more is held in each round
-        for _ in 0..2 * links {
-            let of_links = (0..links).flat_map(|link| [0, OF_LINK - 1].map(|k| OF_LINK * link + k));
-            let lowest = of_links.min_by(|a, b| self.said[*a].total_cmp(&self.said[*b]));
-            let Some(place) = lowest.filter(|place| self.said[*place] < least) else {
-                return;
-            };
-            let with = self.covariance.column(place) / self.covariance[(place, place)];
-            self.said += &with * (least - self.said[place]);
-            self.covariance -= &with * self.covariance.row(place).into_owned();
-            self.said[place] = least;
-            // what is held has no error
-            self.covariance.column_mut(place).fill(0.0);
-            self.covariance.row_mut(place).fill(0.0);
-        }
-    }
-
-    /// Its name, and how many columns it has.
-    pub fn named(&self) -> (&'static str, usize) {
-        (self.cause.name(), self.cause.amplitudes())
-    }
-
     /// For the report, with what it takes of each joint's gap; none where it is told joint by joint.
     pub fn told(
         &self,
         probability: f64,
         joint_shares: BTreeMap<String, JointShare>,
     ) -> Option<SharedEffect> {
-        let mut parameters = told::parameters(&self.cause.effect(&self.said)?);
+        let effect = self.cause.effect(&self.said)?;
+        let mut parameters = told::parameters(&effect);
         for (name, error) in self.cause.errors(&self.said, &self.covariance) {
             if let Some(parameter) = parameters.get_mut(name) {
                 parameter.std = error;
@@ -226,15 +195,13 @@ impl Shared {
         let mean = |of: fn(&JointShare) -> f64| joint_shares.values().map(of).sum::<f64>() / count;
         Some(SharedEffect {
             effect: NamedEffect {
-                effect: self.cause.name().to_owned(),
+                effect: effect.name().to_owned(),
                 probability,
                 parameters,
-                side: None,
                 share: mean(|share| share.share),
                 share_low: mean(|share| share.share_low),
                 share_high: mean(|share| share.share_high),
-                shrink_alone: 0.0,
-                of_links: false,
+                ..NamedEffect::default()
             },
             joints: joint_shares.keys().cloned().collect(),
             joint_shares,
@@ -251,11 +218,42 @@ impl Message {
         }
     }
 
+    /// Holds masses and inertias of links above nothing where they are said to be below; the other values give way as they go with those (a
+    /// Gaussian given some of its values). `whole` is what all joints say, and what each is told is held where that is.
+    pub fn hold_within_bodies(&mut self, causes: &[Cause], mut whole: Self) {
+        /// Of the file's: as good as nothing, and still a body.
+        const LEAST: f64 = 0.01;
+        let least = (LEAST - 1.0) / LINKS_WRONG;
+        let places = of_bodies(causes);
+        // one more is held in each round, as near as numbers tell
+        for _ in &places {
+            let Some((said, _)) = whole.said() else {
+                return;
+            };
+            let below = places.iter().min_by(|a, b| said[**a].total_cmp(&said[**b]));
+            let below = below.filter(|place| said[**place] < least - f64::EPSILON.sqrt());
+            let Some(place) = below else { return };
+            for message in [&mut whole, self] {
+                message.precision[(*place, *place)] += f64::EPSILON.recip();
+                message.pull[*place] += least / f64::EPSILON;
+            }
+        }
+    }
+
     /// The amplitudes, and their covariance.
     pub fn said(&self) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let solved = self.precision.clone().cholesky()?;
         Some((solved.solve(&self.pull), solved.inverse()))
     }
+}
+
+/// Which amplitudes are masses and inertias of links.
+fn of_bodies(causes: &[Cause]) -> Vec<usize> {
+    let links = causes.last().filter(|last| last.is_of_links());
+    let count = links.map_or(0, |links| links.amplitudes());
+    let from = amplitudes(causes) - count;
+    let is_of_body = |k: &usize| [0, OF_LINK - 1].contains(&(k % OF_LINK));
+    (0..count).filter(is_of_body).map(|k| from + k).collect()
 }
 
 /// Numbers that causes have together.
@@ -307,7 +305,11 @@ pub fn found(
     gained_nats: f64,
 ) -> Option<(Vec<Shared>, f64)> {
     let mut nats = gained_nats - cost(causes);
-    let (said, covariance) = all(&prior(causes), own).said()?;
+    let message = all(&prior(causes), own);
+    let (said, covariance) = message.said()?;
+    let mut held = message.clone();
+    held.hold_within_bodies(causes, message);
+    let (held, held_covariance) = held.said()?;
     let mut from = 0;
     let mut shared = Vec::new();
     for cause in causes {
@@ -318,14 +320,55 @@ pub fn found(
         if nats <= 0.0 || !cause.can_be(robot, &said, &covariance) {
             return None;
         }
-        let mut of_cause = Shared {
+        shared.push(Shared {
             cause: *cause,
-            said,
-            covariance,
-        };
-        of_cause.hold_within_bodies();
-        shared.push(of_cause);
+            said: held.rows(from, count).into_owned(),
+            covariance: held_covariance
+                .view((from, from), (count, count))
+                .into_owned(),
+        });
         from += count;
     }
     Some((shared, nats))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_link_of_less_than_nothing_is_held_and_the_others_give_way() {
+        let causes = [Cause::Payload, Cause::Masses(2)];
+        let mass = |link: usize| 4 + OF_LINK * link;
+        let mut said = prior(&causes);
+        // the sum of two masses is known, and the first is said to be below nothing
+        for (at, with) in [
+            (mass(0), mass(0)),
+            (mass(0), mass(1)),
+            (mass(1), mass(0)),
+            (mass(1), mass(1)),
+        ] {
+            said.precision[(at, with)] += 1e4;
+        }
+        said.pull[mass(0)] -= 6e4;
+        said.pull[mass(1)] -= 2e4;
+        said.precision[(mass(0), mass(0))] += 1e4;
+        let (before, _) = said.said().unwrap();
+        let is_body = |said: f64| 1.0 + LINKS_WRONG * said > 0.0;
+        assert!(!is_body(before[mass(0)]), "{before}");
+        let mut held = said.clone();
+        held.hold_within_bodies(&causes, said.clone());
+        let (after, _) = held.said().unwrap();
+        assert!(
+            (1.0 + LINKS_WRONG * after[mass(0)] - 0.01).abs() < 1e-6,
+            "{after}"
+        );
+        let sums = [&before, &after].map(|of| of[mass(0)] + of[mass(1)]);
+        assert!((sums[0] - sums[1]).abs() < 0.01, "{sums:?}");
+        // what is a body stays as it is said
+        let mut same = held.clone();
+        same.hold_within_bodies(&causes, held.clone());
+        assert_eq!(same.pull, held.pull);
+    }
 }

@@ -88,9 +88,9 @@ pub struct Found<'a> {
     pub leaves_a_law: bool,
     /// Whether the best set leaves no more than what a twin may be off by; none where nothing tells that, and the noise decides.
     pub is_at_floor: Option<bool>,
-    /// Names of what the arm shares, with how many columns each has, in their order.
-    pub shared: &'a [(&'static str, usize)],
-    /// Which of these is told joint by joint, and how it is told here, without a share yet.
+    /// Names of what the arm shares, with how many columns each has, in their order; none of what each joint calls its own way.
+    pub shared: &'a [(Option<&'static str>, usize)],
+    /// Which of these that is, and how it is told here, without a share yet.
     pub of_links: Option<(usize, NamedEffect)>,
     /// The gap of each compared signal.
     pub signals: Vec<SignalGap>,
@@ -344,7 +344,8 @@ impl Found<'_> {
 
     /// What the largest part of the gap is: each set says its largest share.
     fn candidates(&self, weights: &[f64], of_best: &Shares, is_quiet: bool) -> Vec<Candidate> {
-        let mut by_name: BTreeMap<&'static str, f64> = BTreeMap::new();
+        let mut by_name: BTreeMap<&str, f64> = BTreeMap::new();
+        let here = self.of_links.as_ref().map(|(_, effect)| &*effect.effect);
         for (rank, (set, weight)) in self.sets.iter().zip(weights).enumerate() {
             if *weight < WEIGHT_MIN && rank > 0 {
                 continue;
@@ -363,7 +364,10 @@ impl Found<'_> {
                 Some(place) if shares.of[place].value >= shares.remaining.value => {
                     match players.get(place) {
                         Some(index) => self.name_in(set.names, *index),
-                        None => self.shared[place - players.len()].0,
+                        None => self.shared[place - players.len()]
+                            .0
+                            .or(here)
+                            .unwrap_or("unknown"),
                     }
                 }
                 Some(_) => "unknown",

@@ -95,11 +95,6 @@ fn late_reference(robot: &Robot, joint: usize) -> String {
     })
 }
 
-fn is_of_links(prior: &Prior<'_>) -> bool {
-    let mut causes = prior.causes.iter();
-    causes.any(|cause| matches!(cause, Cause::Masses(_)))
-}
-
 impl Joint {
     fn items(&self) -> Vec<Item<'_>> {
         let expects_friction = self.drive.rubs_unmeasured();
@@ -173,7 +168,7 @@ impl Joint {
     pub fn evidence(&self, shared: Option<&Prior<'_>>) -> Evidence {
         // within their tolerance or beyond it, and not both
         let links = match shared {
-            Some(prior) if is_of_links(prior) => &[][..],
+            Some(prior) if prior.causes.iter().any(Cause::is_of_links) => &[][..],
             _ => self.rows.links.as_slice(),
         };
         Evidence::of(&Problem {
@@ -201,7 +196,7 @@ impl Joint {
     pub fn searched(&self, shared: Option<&Prior<'_>>) -> Searched {
         let evidence = self.evidence(shared);
         let in_place_of = shared.map_or(0, |prior| self.in_place_of(prior.causes));
-        let has_links = shared.is_some_and(is_of_links);
+        let has_links = shared.is_some_and(|prior| prior.causes.iter().any(Cause::is_of_links));
         let rotor_kg_m2 = self.drive.model().rotor_inertia_kg_m2;
         let has_none = |fit: &Fit| {
             fit.amplitudes.iter().all(|(item, values)| {

@@ -27,24 +27,18 @@ pub fn of_joint(joint: &Joint, links: &Shared, probability: f64) -> Option<Named
     });
     let (_, law, amplitudes, of_values) = fitted.min_by(|a, b| a.0.total_cmp(&b.0))?;
     let covariance = &of_values * &links.covariance * of_values.transpose();
-    let (effect, names): (Effect, &[&str]) = match law {
-        Law::Gravity => (
-            Effect::GravityTorque {
-                sin_nm: amplitudes[0],
-                cos_nm: amplitudes[1],
-            },
-            &["sin_nm", "cos_nm"],
-        ),
-        _ => (
-            Effect::LinkInertia {
-                inertia_kg_m2: amplitudes[0],
-            },
-            &["inertia_kg_m2"],
-        ),
+    let effect = match law {
+        Law::Gravity => Effect::GravityTorque {
+            sin_nm: amplitudes[0],
+            cos_nm: amplitudes[1],
+        },
+        _ => Effect::LinkInertia {
+            inertia_kg_m2: amplitudes[0],
+        },
     };
     let mut parameters = told::parameters(&effect);
-    for (place, name) in names.iter().enumerate() {
-        if let Some(parameter) = parameters.get_mut(*name) {
+    for (place, of) in effect.kind().parameters().iter().enumerate() {
+        if let Some(parameter) = parameters.get_mut(of.name) {
             parameter.std = covariance[(place, place)].max(0.0).sqrt();
         }
     }
@@ -52,12 +46,8 @@ pub fn of_joint(joint: &Joint, links: &Shared, probability: f64) -> Option<Named
         effect: effect.name().to_owned(),
         probability,
         parameters,
-        side: None,
-        share: 0.0,
-        share_low: 0.0,
-        share_high: 0.0,
-        shrink_alone: 0.0,
         of_links: true,
+        ..NamedEffect::default()
     })
 }
 
@@ -126,22 +116,56 @@ pub fn note(robot: &Robot, changes: &[LinkChange], nats: f64) -> DataFinding {
         })
         .collect();
     let tolerance = robot.tolerance.of("mass_kg");
+    let told = if told.is_empty() {
+        "No value by itself is certain".to_owned()
+    } else {
+        format!("Of the link behind each joint: {}", told.join("; "))
+    };
     DataFinding {
         joint: None,
         severity: "warning".to_owned(),
         what: format!(
-            "the links' masses, centres or inertias are wrong by more than parameter_tolerance = {tolerance} lets them, by {nats:.0} nats a better \
-             explanation of all joints. Of the link behind each joint: {}. Torques tell sums of them, so others may \
-             be wrong instead",
-            told.join("; ")
+            "links weigh other than the file says: beyond parameter_tolerance = {tolerance} their masses, centres and inertias explain all \
+             joints better, by {nats:.0} nats. {told}. Torques tell sums over several links, so others may be wrong instead"
         ),
-        remedy: "weigh the links, or ask the maker; `flexspline gap apply` writes these values into a robot file that has [[link]] tables"
+        remedy: "measure the links, or ask the maker; `flexspline gap apply` writes the values that the report's `links` have"
             .to_owned(),
     }
 }
 
 /// The links' values among what the arm shares.
-pub fn among<'a>(shared: impl IntoIterator<Item = &'a Shared>) -> Option<(usize, &'a Shared)> {
-    let mut all = shared.into_iter().enumerate();
-    all.find(|(_, shared)| matches!(shared.cause(), crate::evidence::arm::Cause::Masses(_)))
+pub fn among(shared: &[Shared]) -> Option<(usize, &Shared)> {
+    let mut all = shared.iter().enumerate();
+    all.find(|(_, shared)| shared.cause.is_of_links())
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn links_of_which_no_value_is_certain_are_told_without_a_list() {
+        let robot = robot::load("shd17").unwrap();
+        let told = |value: f64| {
+            let parameter = Parameter {
+                value,
+                std: 1.0,
+                at_bound: false,
+            };
+            let change = LinkChange {
+                joint: robot.joints[0].name.clone(),
+                mass_kg: parameter,
+                centre_of_mass_m: [parameter; 3],
+                inertia_part: parameter,
+            };
+            note(&robot, &[change], 9.0).what
+        };
+        assert!(
+            told(0.1).contains("nats. No value by itself is certain. "),
+            "{}",
+            told(0.1)
+        );
+        assert!(told(4.0).contains("each joint: ") && told(4.0).contains("inertia +400 %"));
+    }
 }

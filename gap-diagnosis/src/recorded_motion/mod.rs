@@ -121,7 +121,7 @@ pub fn diagnose(
             // links that weigh other than the file says are what a payload is a part of
             let told: Vec<Cause> = best.causes().collect();
             let may_be = |cause: Cause| {
-                let are_others = matches!(cause, Cause::Masses(_)) && !told.contains(&cause);
+                let are_others = cause.is_of_links() && !told.contains(&cause);
                 mattering.contains(&cause) || are_others
             };
             all.retain(|found| found.causes().all(may_be));
@@ -361,17 +361,12 @@ fn said(
             },
         };
         let named = |cause: Cause| (cause.name(), joint.of_arm(cause).len());
-        let mut named: Vec<(&'static str, usize)> = found.causes().map(named).collect();
+        let named: Vec<(Option<&'static str>, usize)> = found.causes().map(named).collect();
         let of_links = links::among(&found.shared).filter(|_| with.is_some());
         let of_links = of_links.and_then(|(place, shared)| {
             let told = links::of_joint(joint, shared, probability[place])?;
             Some((place, told))
         });
-        if let Some((place, told)) = &of_links
-            && let Some(kind) = EffectKind::named(&told.effect)
-        {
-            named[*place].0 = kind.name();
-        }
         let found = Found {
             joint: &robot.joints[joint.index].name,
             rows: &joint.rows.seen,

@@ -141,7 +141,7 @@ pub fn late(robot: &Robot, arms: &[Arm], told: &Found) -> Option<Late> {
     let late = beside(robot, arms, told.arm, &causes)?;
     let nats = late.nats - told.nats;
     let mut shared = late.shared.into_iter();
-    let delay = shared.find(|shared| shared.cause() == Cause::Delay)?;
+    let delay = shared.find(|shared| shared.cause == Cause::Delay)?;
     let told = delay.told(1.0, BTreeMap::new())?.effect;
     let delay_s = told.parameters.get("delay_s")?.value;
     (nats > 0.0).then_some(Late { delay_s, nats })
@@ -150,7 +150,7 @@ pub fn late(robot: &Robot, arms: &[Arm], told: &Found) -> Option<Late> {
 impl Found {
     /// Which.
     pub fn causes(&self) -> impl Iterator<Item = Cause> {
-        self.shared.iter().map(Shared::cause)
+        self.shared.iter().map(|shared| shared.cause)
     }
 }
 
@@ -218,7 +218,8 @@ fn beside(robot: &Robot, arms: &[Arm], arm: usize, causes: &[Cause]) -> Option<F
                 searched.evidence.message(searched.sets[0].names)
             })
             .collect();
-        let (said, _) = arm::all(&gravity.prior(causes), &own).said()?;
+        let whole = arm::all(&gravity.prior(causes), &own);
+        let (said, _) = whole.said()?;
         // a payload is the first
         let centre_m = match causes[0] {
             Cause::Payload => [1, 2, 3].map(|k| said[k] / said[0]),
@@ -232,10 +233,14 @@ fn beside(robot: &Robot, arms: &[Arm], arm: usize, causes: &[Cause]) -> Option<F
         priors = joints
             .iter()
             .zip(messages)
-            .map(|(joint, message)| Prior {
-                causes,
-                columns: columns(joint, centre_m),
-                message,
+            .map(|(joint, mut message)| {
+                // shares and what is left are those of the values that are told
+                message.hold_within_bodies(causes, whole.clone());
+                Prior {
+                    causes,
+                    columns: columns(joint, centre_m),
+                    message,
+                }
             })
             .collect();
         with = joints

@@ -2,10 +2,12 @@
 //!
 //! Fields after `ActuatorBaseCfg` of Isaac Lab 2.2 and later, in which friction is a torque (Isaac Sim 5.0 and later).
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use super::{Outcome, Sums, Takes, changed, short};
 use crate::error::RobotError;
+use crate::links::Reshaping;
 use crate::{Control, ControlKind, Effect, Robot};
 
 /// Actuators of Isaac Lab.
@@ -137,6 +139,11 @@ impl Takes for IsaacLabFile {
             }
             _ => Outcome::Written(told),
         }
+    }
+
+    fn reshape(&mut self, _: &BTreeMap<String, f64>, _: &Reshaping) -> Result<(), RobotError> {
+        // bodies are the USD's
+        Ok(())
     }
 
     fn text(&self) -> Result<String, RobotError> {

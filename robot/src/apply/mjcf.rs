@@ -3,13 +3,16 @@
 //!
 //! A constant torque is a spring so soft and bent so far that its torque is constant. Checked beside MuJoCo 4.0.0.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
+use super::bodies;
 use super::text::Changes;
 use super::{Outcome, Sums, Takes, changed, differs, short};
 use crate::error::RobotError;
+use crate::links::Reshaping;
 use crate::model::{Actuator, Joint, Model};
 use crate::{ControlKind, Effect, Robot, mjcf, xml};
 
@@ -396,6 +399,16 @@ impl Takes for MjcfFile {
             }
             _ => self.sum(index, effect),
         }
+    }
+
+    fn reshape(&mut self, held: &BTreeMap<String, f64>, by: &Reshaping) -> Result<(), RobotError> {
+        let document = xml::document(&self.text, &self.file)?;
+        bodies::of_mjcf(
+            &document,
+            &self.model.reshaped(held, by)?,
+            &mut self.changes,
+        );
+        Ok(())
     }
 
     fn text(&self) -> Result<String, RobotError> {

@@ -1,17 +1,20 @@
 //! Effects written where other simulators read them: into the user's own MuJoCo model or URDF, or as actuators of Isaac Lab.
 
 mod assets;
+mod bodies;
 mod isaaclab;
 mod mjcf;
 mod text;
 mod urdf;
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::description::Description;
 use crate::error::RobotError;
 use crate::file::RobotFile;
+use crate::links::Reshaping;
 use crate::robot::load_raw;
 use crate::{Effect, EffectKind, Part, Robot, RobotJoint, Source};
 
@@ -77,6 +80,9 @@ trait Takes {
     /// `joint` is the index of the robot's; `None` for the whole arm.
     fn add(&mut self, joint: Option<usize>, effect: &Effect) -> Outcome;
 
+    /// Gives links other masses in a text that was there before; `held` is where joints stand that are none of the robot's.
+    fn reshape(&mut self, held: &BTreeMap<String, f64>, by: &Reshaping) -> Result<(), RobotError>;
+
     fn text(&self) -> Result<String, RobotError>;
 }
 
@@ -93,11 +99,34 @@ impl SimulatorFile {
         simulator: Simulator,
         out: &Path,
     ) -> Result<Self, RobotError> {
+        Self::with_links(robot, None, name_or_path, simulator, out)
+    }
+
+    /// The same with links that weigh other than the robot's.
+    ///
+    /// # Errors
+    /// [`RobotError`] if the model cannot be read.
+    pub fn with_links(
+        robot: &Robot,
+        links: Option<&Reshaping>,
+        name_or_path: &str,
+        simulator: Simulator,
+        out: &Path,
+    ) -> Result<Self, RobotError> {
+        let reshaped = links.map(|by| robot.reshaped(by)).transpose()?;
+        let robot = reshaped.as_ref().unwrap_or(robot);
         let base = base(name_or_path, simulator)?;
         let is_converted = base.is_none() && simulator != Simulator::IsaacLab;
         let mut notes = Vec::new();
+        let mut held = None;
         let (text, path) = match base {
-            Some((text, path)) => (assets::named_from(simulator, text, &path, out)?, path),
+            Some(base) => {
+                held = Some(base.held);
+                (
+                    assets::named_from(simulator, base.text, &base.path, out)?,
+                    base.path,
+                )
+            }
             None => {
                 let written = match simulator {
                     Simulator::Mjcf => Some(robot.to_mjcf()),
@@ -116,6 +145,10 @@ impl SimulatorFile {
             Simulator::Urdf => Box::new(urdf::UrdfFile::of(robot, text, &path)?),
             Simulator::IsaacLab => Box::new(isaaclab::IsaacLabFile::of(robot)),
         };
+        // what was converted has the links already
+        if let (Some(by), Some(held)) = (links, held) {
+            inner.reshape(&held, by)?;
+        }
         notes.extend(own_effects(robot, simulator, is_converted, inner.as_mut()));
         notes.sort();
         notes.dedup();
@@ -191,8 +224,16 @@ fn tables(joint: &RobotJoint) -> impl Iterator<Item = &'static str> {
         .filter_map(|(is_there, name)| is_there.then_some(name))
 }
 
-/// The model of that simulator from which the robot comes, and where it lies.
-fn base(name_or_path: &str, simulator: Simulator) -> Result<Option<(String, PathBuf)>, RobotError> {
+/// A model as it stands.
+struct Base {
+    text: String,
+    path: PathBuf,
+    /// Where joints stand that are none of the robot's.
+    held: BTreeMap<String, f64>,
+}
+
+/// The model of that simulator from which the robot comes.
+fn base(name_or_path: &str, simulator: Simulator) -> Result<Option<Base>, RobotError> {
     let Some(wanted) = simulator.description() else {
         return Ok(None);
     };
@@ -201,20 +242,66 @@ fn base(name_or_path: &str, simulator: Simulator) -> Result<Option<(String, Path
         return Ok(None);
     };
     if let Some(own) = Description::of(&text, name_or_path)? {
-        return Ok((own == wanted).then_some((text, path)));
+        let held = BTreeMap::new();
+        return Ok((own == wanted).then_some(Base { text, path, held }));
     }
-    let file = RobotFile::parse(&text, name_or_path)?;
+    named(&RobotFile::parse(&text, name_or_path)?, &path, wanted)
+}
+
+/// The model that a robot file of that path names.
+fn named(file: &RobotFile, path: &Path, wanted: Description) -> Result<Option<Base>, RobotError> {
     let named = match wanted {
-        Description::Mjcf => file.mjcf,
-        Description::Urdf => file.urdf,
+        Description::Mjcf => &file.mjcf,
+        Description::Urdf => &file.urdf,
     };
     let Some(named) = named else {
         return Ok(None);
     };
-    let whole = path.parent().unwrap_or(Path::new("")).join(&named);
+    let whole = path.parent().unwrap_or(Path::new("")).join(named);
     let as_what = format!("{} = {named:?}", wanted.key());
-    let text = crate::build::read_beside(&whole, name_or_path, &as_what)?;
-    Ok(Some((text, whole)))
+    let text = crate::build::read_beside(&whole, &path.display().to_string(), &as_what)?;
+    Ok(Some(Base {
+        text,
+        path: whole,
+        held: file.held.clone(),
+    }))
+}
+
+/// The model that a robot file names, with other links and nothing else changed; files that it names are named from `out`. `None` where
+/// the robot file has its links itself.
+///
+/// # Errors
+/// [`RobotError`] if the model cannot be read.
+pub fn reshaped_description(
+    file: &RobotFile,
+    source: &Source,
+    by: &Reshaping,
+    out: &Path,
+) -> Result<Option<String>, RobotError> {
+    let Source::File(path) = source else {
+        return Ok(None);
+    };
+    for simulator in [Simulator::Urdf, Simulator::Mjcf] {
+        let wanted = simulator.description();
+        let base = wanted.map(|wanted| Ok((wanted, named(file, path, wanted)?)));
+        let Some((description, Some(base))) = base.transpose()? else {
+            continue;
+        };
+        let text = assets::named_from(simulator, base.text, &base.path, out)?;
+        let model = description.read(&text, &base.path)?;
+        let name = base.path.display().to_string();
+        let document = crate::xml::document(&text, &name)?;
+        let bodies = model.reshaped(&base.held, by)?;
+        let mut changes = text::Changes::default();
+        match simulator {
+            Simulator::Mjcf => bodies::of_mjcf(&document, &bodies, &mut changes),
+            Simulator::Urdf | Simulator::IsaacLab => {
+                bodies::of_urdf(&document, &bodies, &mut changes)
+            }
+        }
+        return changes.apply(&text, &name).map(Some);
+    }
+    Ok(None)
 }
 
 /// What joints of the robot file say in the terms that simulators share. Everything is at the joint.
@@ -246,13 +333,13 @@ impl Sums {
 }
 
 /// Six digits: more than a fit is worth.
-fn short(value: f64) -> String {
+pub(crate) fn short(value: f64) -> String {
     let value: f64 = format!("{value:.5e}").parse().unwrap_or(value);
     value.to_string()
 }
 
 /// Words for a change of a value.
-fn changed(key: &str, before: f64, after: f64) -> String {
+pub(crate) fn changed(key: &str, before: f64, after: f64) -> String {
     format!("{key} {} -> {}", short(before), short(after))
 }
 

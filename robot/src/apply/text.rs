@@ -14,6 +14,7 @@ pub struct Changes {
     attributes: BTreeMap<usize, Vec<(String, String)>>,
     tags: BTreeMap<usize, String>,
     children: BTreeMap<usize, Vec<String>>,
+    whole: BTreeMap<usize, String>,
 }
 
 impl Changes {
@@ -22,6 +23,11 @@ impl Changes {
         let own = self.attributes.entry(at).or_default();
         own.retain(|(known, _)| known != key);
         own.push((key.to_owned(), value.into()));
+    }
+
+    /// Puts another element in its place, which has none within it that changes.
+    pub fn replace(&mut self, at: usize, text: impl Into<String>) {
+        self.whole.insert(at, text.into());
     }
 
     /// Calls the element something else.
@@ -61,6 +67,10 @@ impl Changes {
 
     fn edits(&self, text: &str, node: Node, edits: &mut Vec<(Range<usize>, String)>) {
         let at = node.range().start;
+        if let Some(new) = self.whole.get(&at) {
+            edits.push((node.range(), new.clone()));
+            return;
+        }
         // behind `<` and the name
         let name = at + 1..end_of_name(text, at + 1);
         if let Some(tag) = self.tags.get(&at) {

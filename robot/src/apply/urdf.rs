@@ -1,13 +1,16 @@
 //! Effects in a URDF: `<dynamics>`, `<limit effort>`, and links for payloads and inertia.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use joint_model::rigid_body::JointKind;
 use nalgebra::{Matrix3, Vector3};
 
+use super::bodies;
 use super::text::Changes;
 use super::{Outcome, Sums, Takes, changed, differs, short};
 use crate::error::RobotError;
+use crate::links::Reshaping;
 use crate::model::{Body, Model};
 use crate::{Effect, Robot, RobotJoint, urdf, xml};
 
@@ -215,6 +218,16 @@ impl Takes for UrdfFile {
             (_, Some(index)) => self.friction(index, effect),
             (_, None) => Outcome::Cannot(cannot(effect)),
         }
+    }
+
+    fn reshape(&mut self, held: &BTreeMap<String, f64>, by: &Reshaping) -> Result<(), RobotError> {
+        let document = xml::document(&self.text, &self.file)?;
+        bodies::of_urdf(
+            &document,
+            &self.model.reshaped(held, by)?,
+            &mut self.changes,
+        );
+        Ok(())
     }
 
     fn text(&self) -> Result<String, RobotError> {

@@ -5,10 +5,9 @@ use std::fmt::Write;
 use std::path::Path;
 
 use gap_diagnosis::report::{JointReport, Report};
-use robot::{Effect, EffectKind, Outcome, Part, Simulator, SimulatorFile};
+use robot::{Effect, EffectKind, Outcome, Part, Reshaping, Simulator, SimulatorFile};
 use serde::Serialize;
 
-use super::links::BY_HAND;
 use super::{OF_SENSOR, check_name, effects_of, names_nothing, to_effect};
 use crate::cli::GapApplyArguments;
 use crate::error::CliError;
@@ -86,14 +85,21 @@ pub fn apply(
     }
     // payloads are in the frame of the last joint that was diagnosed
     let robot = robot.moving_only(&names).map_err(CliError::input)?;
-    let mut file = SimulatorFile::of(&robot, &arguments.robot, simulator, &arguments.out)
-        .map_err(CliError::input)?;
     let refuse =
         |reason: String| CliError::Input(format!("{}: {reason}", arguments.report.display()));
-    let effects = add_all((&mut file, simulator), report, &|name| {
+    let links = super::links::reshaping(report, &robot).map_err(refuse)?;
+    let (given, out) = (&arguments.robot, &arguments.out);
+    let file = SimulatorFile::with_links(&robot, links.as_ref(), given, simulator, out);
+    let mut file = file.map_err(CliError::input)?;
+    let mut effects = add_all((&mut file, simulator), report, &|name| {
         robot.joint_index(name)
     })
     .map_err(refuse)?;
+    effects.extend(
+        links
+            .iter()
+            .flat_map(|links| of_links(links, report, simulator)),
+    );
     if effects.is_empty() {
         return Err(names_nothing(&report_name, report));
     }
@@ -259,13 +265,35 @@ fn add_all(
     for joint in &report.joints {
         for found in joint
             .named()
-            .filter(|found| found.of_links || joint.is_of_sensor(&found.effect))
+            .filter(|found| joint.is_of_sensor(&found.effect))
         {
-            let why = if found.of_links { BY_HAND } else { OF_SENSOR };
-            adding.leave(&joint.joint, &to_effect(found)?, found.share, why);
+            adding.leave(&joint.joint, &to_effect(found)?, found.share, OF_SENSOR);
         }
     }
     Ok(adding.all)
+}
+
+/// What became of the links, each with the share of what all of them do to its joint.
+fn of_links<'a>(
+    links: &'a Reshaping,
+    report: &'a Report,
+    simulator: Simulator,
+) -> impl Iterator<Item = Said> + 'a {
+    links.told().map(move |(name, told)| {
+        let joint = report.joints.iter().find(|joint| joint.joint == name);
+        let found = joint.and_then(|joint| joint.named().find(|found| found.of_links));
+        let is_written = simulator != Simulator::IsaacLab;
+        let by_hand = || format!("actuators have no mass; change the body of the USD: {told}");
+        Said {
+            joint: Some(name.to_owned()),
+            effect: found
+                .and_then(|found| EffectKind::named(&found.effect))
+                .map_or("link", EffectKind::name),
+            share: found.map_or(0.0, |found| found.share),
+            cannot_say: (!is_written).then(by_hand),
+            done: is_written.then_some(told),
+        }
+    })
 }
 
 /// How much of each joint's gap is in the file; of joints that have one.

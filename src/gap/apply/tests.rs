@@ -4,6 +4,7 @@ use gap_diagnosis::report::{JointTorque, Report, TorqueSource};
 use robot::{Effect, RobotFile, Source};
 use serde_json::{Value, json};
 
+use super::links::with_links;
 use super::with_effects;
 
 pub const ROBOT: &str = r#"# a bench
@@ -137,7 +138,7 @@ fn what_is_a_torque_sensor_s_is_left_out_and_said() {
         source: &source,
         name: "bench.toml",
     };
-    let mended = super::mended(&robot, beside, "report.json", false).unwrap();
+    let mended = super::mended(&robot, beside, "report.json", false, None).unwrap();
     assert_eq!(
         mended.text,
         ROBOT.replace("coulomb_nm = 2.0", "coulomb_nm = 2.5")
@@ -145,7 +146,7 @@ fn what_is_a_torque_sensor_s_is_left_out_and_said() {
     assert!(
         mended.left_out[0].contains("shoulder: torque_offset: left out, it is the torque sensor's")
     );
-    let refused = super::mended(&robot, alone, "report.json", false).unwrap_err();
+    let refused = super::mended(&robot, alone, "report.json", false, None).unwrap_err();
     assert!(
         refused
             .to_string()
@@ -167,7 +168,7 @@ fn an_inertia_that_the_link_does_not_have_is_left_out_and_said() {
         source: &source,
         name: "bench.toml",
     };
-    let mended = super::mended(&robot, report, "report.json", false).unwrap();
+    let mended = super::mended(&robot, report, "report.json", false, None).unwrap();
     assert_eq!(mended.changes.len(), 1);
     assert_eq!(mended.changes[0].effect, "coulomb_friction");
     let [left_out] = &mended.left_out[..] else {
@@ -328,23 +329,144 @@ fn links_that_weigh_other_than_the_file_says_are_written_into_their_tables() {
         "centre_of_mass_m": [number(0.0), number(0.01), number(-0.05)]
     }]))
     .unwrap();
-    let text = |text: &str| {
-        let (with_effects, changes) = with_effects(text, &report).unwrap();
-        // what links do to a joint is no effect of its own
-        assert!(changes.is_empty(), "{changes:?}");
-        super::links::with_links(&with_effects, &report).unwrap()
-    };
-    let mended = text(ROBOT);
+    // what links do to a joint is no effect of its own
+    let (_, changes) = with_effects(ROBOT, &report).unwrap();
+    assert!(changes.is_empty(), "{changes:?}");
+    let mended = with_links(ROBOT, &built(ROBOT), &report, None).unwrap();
     assert_eq!(mended.changes.len(), 1);
-    let robot = built(&mended.text);
-    let link = robot.chain.links()[0];
+    let link = built(&mended.text).chain.links()[0];
     assert_eq!(link.mass_kg, 2.5);
     assert_eq!(link.centre_of_mass_m.as_slice(), [0.0, 0.01, 0.15]);
     assert_eq!(link.inertia_kg_m2[(2, 2)], 0.002);
     assert!(mended.text.contains("# its name"), "{}", mended.text);
-    // whose bodies are a description's
-    let described = ROBOT.replace("[[link]]", "[[other]]");
-    let left = text(&described);
-    assert_eq!(left.text, described);
-    assert!(left.left_out[0].contains("links"), "{:?}", left.left_out);
+    // what the file says hangs on the link, or is fixed to it, is part of what was told
+    let hung = ROBOT
+        .replace("name = \"bench\"", "name = \"bench\"\nshared_effects = [{ effect = \"payload\", mass_kg = 1, centre_m = [0, 0.1, 0.4] }]")
+        .replace("effects = [", "effects = [\n  { effect = \"link_inertia\", inertia_kg_m2 = 0.03 },")
+        + "[[link]]\njoint = \"finger\"\nkind = \"prismatic\"\norigin_m = [0.0, 0.0, 0.5]\naxis = [1.0, 0.0, 0.0]\nmass_kg = 0.1\n\
+           centre_of_mass_m = [0.0, 0.0, 0.0]\ninertia_kg_m2 = { xx = 1e-4, yy = 1e-4, zz = 1e-4 }\n[[joint]]\nname = \"finger\"\n";
+    let mended = with_links(&hung, &built(&hung), &report, None).unwrap();
+    let link = |text: &str| {
+        let moving = built(text).moving_only(&["shoulder"]).unwrap();
+        moving.loaded_chain().unwrap().links()[0]
+    };
+    let (before, after) = (link(&hung), link(&mended.text));
+    assert!((after.mass_kg - before.mass_kg - 0.5).abs() < 1e-9);
+    let moved_m = after.centre_of_mass_m - before.centre_of_mass_m;
+    let missed = moved_m
+        .iter()
+        .zip([0.0, 0.01, -0.05])
+        .map(|(m, wanted)| (m - wanted).abs());
+    assert!(missed.sum::<f64>() < 1e-9, "{moved_m}");
+    let inertia = after.inertia_kg_m2 - 0.5 * before.inertia_kg_m2;
+    assert!(
+        inertia.norm() < 1e-9 * before.inertia_kg_m2.norm(),
+        "{inertia}"
+    );
+}
+
+#[test]
+fn a_report_of_other_links_is_refused_in_one_line() {
+    let number = |value: f64| json!({ "value": value, "std": 0.01, "at_bound": false });
+    for (joint, mass_kg) in [("elbow", 0.5), ("shoulder", -2.0)] {
+        let mut report = report(json!([]), json!([]));
+        report.links = serde_json::from_value(json!([{
+            "joint": joint, "mass_kg": number(mass_kg), "inertia_part": number(0.0),
+            "centre_of_mass_m": [number(0.0), number(0.0), number(0.0)]
+        }]))
+        .unwrap();
+        let refused = with_links(ROBOT, &built(ROBOT), &report, None).unwrap_err();
+        assert!(
+            refused.contains(joint) && !refused.contains('\n'),
+            "{refused}"
+        );
+    }
+}
+
+/// An arm of one joint whose link is two bodies, and a report that it weighs more, which is a part of the gap.
+fn described(folder: &std::path::Path) -> (String, Report) {
+    let body = |name: &str, z: f64, mass: f64| {
+        format!(
+            "<link name=\"{name}\"><inertial><origin xyz=\"0 0 {z}\"/><mass value=\"{mass}\"/>\
+             <inertia ixx=\"0.02\" iyy=\"0.02\" izz=\"0.01\"/></inertial></link>"
+        )
+    };
+    let urdf = format!(
+        "<robot name=\"bench\"><link name=\"base\"/>{}{}\
+         <joint name=\"shoulder\" type=\"continuous\"><parent link=\"base\"/><child link=\"arm\"/><axis xyz=\"0 1 0\"/></joint>\
+         <joint name=\"weld\" type=\"fixed\"><parent link=\"arm\"/><child link=\"tool\"/><origin xyz=\"0 0 0.3\"/></joint></robot>",
+        body("arm", 0.2, 2.0),
+        body("tool", 0.0, 0.5)
+    );
+    std::fs::write(folder.join("arm.urdf"), urdf).unwrap();
+    let robot = folder.join("arm.toml");
+    std::fs::write(&robot, "name = \"bench\"\nurdf = \"arm.urdf\"\n").unwrap();
+    let number = |value: f64| json!({ "value": value, "std": 0.01, "at_bound": false });
+    let weighs = Effect::GravityTorque {
+        sin_nm: 1.0,
+        cos_nm: 0.0,
+    };
+    let mut effect = found(&weighs);
+    effect["of_links"] = true.into();
+    effect["share"] = 0.6.into();
+    let mut report = report(json!([effect]), json!([]));
+    report.links = serde_json::from_value(json!([{
+        "joint": "shoulder", "mass_kg": number(0.7), "inertia_part": number(0.2),
+        "centre_of_mass_m": [number(0.02), number(0.0), number(-0.03)]
+    }]))
+    .unwrap();
+    let path = folder.join("report.json");
+    std::fs::write(&path, serde_json::to_string(&report).unwrap()).unwrap();
+    (robot.display().to_string(), report)
+}
+
+#[test]
+fn links_of_a_description_go_into_a_new_one_whatever_the_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let (robot, _) = described(folder.path());
+    let link = |path: &str| robot::load(path).unwrap().chain.links()[0];
+    let before = link(&robot);
+    let formats = [
+        (crate::cli::ApplyFormat::Toml, "mended.toml"),
+        (crate::cli::ApplyFormat::Urdf, "mended.urdf"),
+        (crate::cli::ApplyFormat::Mjcf, "mended.xml"),
+    ];
+    for (format, out) in formats {
+        let told = folder.path().join("told.json");
+        let arguments = crate::cli::GapApplyArguments {
+            report: folder.path().join("report.json"),
+            robot: robot.clone(),
+            out: folder.path().join(out),
+            format,
+            remaining: false,
+            json: Some(told.clone()),
+        };
+        super::apply(&arguments).unwrap();
+        let after = link(&arguments.out.display().to_string());
+        assert!((after.mass_kg - before.mass_kg - 0.7).abs() < 1e-9, "{out}");
+        let moved_m = after.centre_of_mass_m - before.centre_of_mass_m;
+        assert!((moved_m.x - 0.02).abs() < 1e-9 && (moved_m.z + 0.03).abs() < 1e-9);
+        let inertia = after.inertia_kg_m2 - 1.2 * before.inertia_kg_m2;
+        assert!(inertia.norm() < 1e-9 * before.inertia_kg_m2.norm(), "{out}");
+        let told = std::fs::read_to_string(told).unwrap();
+        assert!(told.contains("mass_kg 2.5 -> 3.2"), "{told}");
+        assert!(!told.contains("cannot_say\":\""), "{told}");
+    }
+    // what was there is as it was
+    assert_eq!(link(&robot).mass_kg, 2.5);
+    let mended = std::fs::read_to_string(folder.path().join("mended.toml")).unwrap();
+    assert!(mended.contains("urdf = \"mended_links.urdf\""), "{mended}");
+    // without a place for a new description they stay, and that is said
+    let (text, source) = robot::load_text(&robot).unwrap();
+    let given = super::RobotText {
+        text: &text,
+        source: &source,
+        name: &robot,
+    };
+    let (_, report) = described(folder.path());
+    let refused = super::mended(&given, report, "report.json", false, None).unwrap_err();
+    assert!(
+        refused.to_string().contains("what the links weigh"),
+        "{refused}"
+    );
 }
