@@ -8,7 +8,7 @@ use std::path::Path;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::text::Changes;
-use super::{Outcome, Sums, Takes, changed, differs, short};
+use super::{Outcome, Sums, Takes, added, changed, differs, short};
 use crate::error::RobotError;
 use crate::model::{Actuator, Joint, Model};
 use crate::{ControlKind, Effect, Robot, mjcf, xml};
@@ -398,6 +398,10 @@ impl Takes for MjcfFile {
         }
     }
 
+    fn sums(&self, index: usize) -> &Sums {
+        &self.after[index]
+    }
+
     fn text(&self) -> Result<String, RobotError> {
         let mut changes = self.changes.clone();
         for index in 0..self.bodies.len() {
@@ -412,7 +416,7 @@ impl Sums {
     fn add(&mut self, effect: &Effect) -> Option<String> {
         let summed = |key: &str, sum: &mut f64, change: f64| {
             let before = *sum;
-            *sum += change;
+            *sum = added(before, change);
             Some(changed(key, before, *sum))
         };
         match *effect {

@@ -6,7 +6,7 @@ use joint_model::rigid_body::JointKind;
 use nalgebra::{Matrix3, Vector3};
 
 use super::text::Changes;
-use super::{Outcome, Sums, Takes, changed, differs, short};
+use super::{Outcome, Sums, Takes, added, changed, differs, short};
 use crate::error::RobotError;
 use crate::model::{Body, Model};
 use crate::{Effect, Robot, RobotJoint, urdf, xml};
@@ -99,11 +99,12 @@ impl UrdfFile {
             }
             _ => return Outcome::Cannot(cannot(effect)),
         };
-        if *sum + change < 0.0 {
+        let after = added(*sum, change);
+        if after < 0.0 {
             return Outcome::Cannot(format!("{key} would be below zero"));
         }
-        let told = changed(key, *sum, *sum + change);
-        *sum += change;
+        let told = changed(key, *sum, after);
+        *sum = after;
         let (before, after) = (&self.before[index], &self.after[index]);
         let values = [
             ("damping", before.viscous_nm_s_rad, after.viscous_nm_s_rad),
@@ -215,6 +216,10 @@ impl Takes for UrdfFile {
             (_, Some(index)) => self.friction(index, effect),
             (_, None) => Outcome::Cannot(cannot(effect)),
         }
+    }
+
+    fn sums(&self, index: usize) -> &Sums {
+        &self.after[index]
     }
 
     fn text(&self) -> Result<String, RobotError> {
