@@ -253,10 +253,12 @@ impl Found<'_> {
         // what a verdict goes by is told, also where the rest alone does not show it
         let is_told = |law: &Ahead| remaining_over.iter().any(|rest| rest.over == law.over);
         let law = self.leaves.filter(|law| !is_told(law));
-        if let Some(Ahead { over, left }) = law.filter(|_| verdict != Verdict::NoGap) {
+        if let Some(Ahead { over, left }) =
+            law.filter(|_| verdict != Verdict::NoGap && nothing > 0.0)
+        {
             remaining_over.push(RemainsOver {
                 over,
-                share: (best.left.iter().sum::<f64>() - left) / rows / nothing,
+                share: (best.left.iter().sum::<f64>() - left).max(0.0) / rows / nothing,
                 at: Vec::new(),
                 torque_nm: Vec::new(),
             });
