@@ -199,6 +199,47 @@ fn friction_is_what_the_format_can_say_where_it_cannot_say_all() {
 }
 
 #[test]
+fn friction_below_zero_is_not_written_by_halves() {
+    let bench = bench("friction_below_zero");
+    let effects = [
+        ("coulomb_friction", "coulomb_nm", 3.0, 0.9),
+        ("viscous_friction", "viscous_nm_s_rad", -0.5, 0.05),
+    ];
+    report(&bench, &effects, 0.1);
+    let mut with_plain = json(&bench, "report.json");
+    with_plain["joints"][0]["plain_friction"] = serde_json::json!({
+        "coulomb_nm": 2.4, "viscous_nm_s_rad": 0.0, "torque_rms_nm": 0.2
+    });
+    fs::write(bench.file("report.json"), with_plain.to_string()).unwrap();
+    let apply = "gap apply --report report.json --robot arm.urdf --out";
+    for format in ["urdf", "mjcf", "isaaclab"] {
+        let told = works(&bench, &format!("{apply} new.{format} --format {format}"));
+        assert!(
+            told.contains("shoulder: coulomb_friction: ") && told.contains("friction"),
+            "{told}"
+        );
+        assert!(told.contains(" 0 -> 2.4 "), "{format}: {told}");
+        assert!(!told.contains("below zero"), "{format}: {told}");
+    }
+    // a correction of which the format has no words, and that takes less than the others lose without it
+    with_plain["joints"][0]["effects"][1] = serde_json::json!({
+        "effect": "stribeck_friction", "probability": 1.0, "share": 0.05, "share_low": 0.0,
+        "share_high": 0.1, "shrink_alone": 0.0,
+        "parameters": {
+            "stribeck_nm": { "value": 1.0, "std": 0.1, "at_bound": false },
+            "stribeck_velocity_rad_s": { "value": 0.1, "std": 0.0, "at_bound": false }
+        }
+    });
+    with_plain["joints"][0]["plain_friction"]["torque_rms_nm"] = 2.0.into();
+    fs::write(bench.file("report.json"), with_plain.to_string()).unwrap();
+    let told = works(&bench, &format!("{apply} less.urdf --format urdf"));
+    assert!(
+        told.contains("shoulder: 0 % of the gap is written, 95 % cannot be said in URDF"),
+        "{told}"
+    );
+}
+
+#[test]
 fn a_robot_file_that_leaves_the_joints_to_its_description_gets_their_tables() {
     let bench = bench("no_tables");
     report(&bench, &[("coulomb_friction", "coulomb_nm", 3.0, 0.9)], 0.1);

@@ -334,7 +334,8 @@ pub struct JointReport {
     /// What was taken for its torque, where that is one signal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub torque: Option<JointTorque>,
-    /// Where other friction is named too: what a file can hold that says Coulomb and viscous friction only.
+    /// Where other friction is named too, or more is taken of these two than the file has: what a file can hold that says Coulomb and viscous
+    /// friction only, and none below zero.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plain_friction: Option<PlainFriction>,
 }

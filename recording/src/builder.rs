@@ -1,7 +1,7 @@
 //! A table put together while its file is read, row by row.
 
 use crate::Signal;
-use crate::clock::{Clock, Instant};
+use crate::clock::{Clock, Instant, spread};
 use crate::error::{Place, ReadProblem};
 use crate::table::{JointColumns, Recording, segments};
 use std::path::PathBuf;
@@ -20,6 +20,8 @@ pub(crate) struct TableBuilder {
 const START: &str = "start_unix_ns";
 /// Where the metadata tell the unit that times were taken for.
 const TIME_UNIT: &str = "time_unit_guessed";
+/// Where the metadata tell the step of a clock that is longer than a row, in seconds.
+pub(crate) const SPREAD: &str = "clock_step_s";
 
 struct JointBuilder {
     name: String,
@@ -108,15 +110,22 @@ impl TableBuilder {
     ) -> Result<Recording, ReadProblem> {
         let rows = self.rows();
         let segment = fill_segments(&self.segment);
-        let clock = Clock::new(self.times, !self.unit_is_unknown);
-        let joints = self
+        let mut clock = Clock::new(self.times, !self.unit_is_unknown);
+        let joints: Vec<JointColumns> = self
             .joints
             .into_iter()
             .map(|joint| joint.finish(rows))
             .collect();
-        let Some(sample_rate_hz) =
-            told_rate_hz.or_else(|| shown_rate_hz(&clock.time_s, segment.as_deref()))
-        else {
+        let clock_step_s = if are_samples(&clock.time_s, &joints) {
+            spread(&mut clock.time_s, told_rate_hz)
+        } else {
+            None
+        };
+        let shown_hz = || match clock_step_s {
+            Some(None) => None,
+            _ => shown_rate_hz(&clock.time_s, segment.as_deref()),
+        };
+        let Some(sample_rate_hz) = told_rate_hz.or_else(shown_hz) else {
             return Err(ReadProblem::SampleRateUnknown {
                 rows,
                 source_of_rate: source_of_rate(),
@@ -126,7 +135,10 @@ impl TableBuilder {
         let unit = clock
             .guessed_unit
             .map(|unit| (TIME_UNIT, unit.name().to_owned()));
-        let metadata = start.into_iter().chain(unit);
+        let spread = clock_step_s
+            .flatten()
+            .map(|step_s| (SPREAD, format!("{step_s}")));
+        let metadata = start.into_iter().chain(unit).chain(spread);
         Ok(Recording {
             time_s: clock.time_s,
             segment,
@@ -157,6 +169,17 @@ impl JointBuilder {
             signals,
         }
     }
+}
+
+/// Whether rows with the time of the row before are samples of their own: one of a clock's step at least has another value of some signal.
+/// Rows written twice have not, and a row for each joint has other signals.
+fn are_samples(time_s: &[f64], joints: &[JointColumns]) -> bool {
+    let signals = || joints.iter().flat_map(|joint| joint.signals.values());
+    let is_other =
+        |row: &usize| signals().any(|values| (values[*row] - values[*row - 1]).abs() > 0.0);
+    let (same, new): (Vec<usize>, Vec<usize>) =
+        (1..time_s.len()).partition(|row| time_s[*row] == time_s[*row - 1]);
+    same.into_iter().filter(is_other).count() > new.len()
 }
 
 /// The segments of all rows if any row tells one; rows before the first that does belong to it.

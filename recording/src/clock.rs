@@ -4,6 +4,8 @@
 //! separately until the first row's time was taken off.
 
 use crate::names::words;
+use crate::statistics::quantile;
+use std::ops::Range;
 
 /// Times later than this, in seconds, are since 1970: the least is in 1973, and no machine has run for three years.
 const SINCE_1970_S: f64 = 1e8;
@@ -37,6 +39,19 @@ impl UnitsPerSecond {
             6 => "microseconds",
             _ => "nanoseconds",
         }
+    }
+
+    /// The unit that is shorter by a factor, nearly, or longer if that is below one.
+    pub(crate) fn shorter_by(self, factor: f64) -> Option<Self> {
+        let units = [0, 3, 6, 9].into_iter().map(Self);
+        let by = |unit: &Self| 10_f64.powi(i32::from(unit.0) - i32::from(self.0));
+        let mut others = units.filter(|unit| *unit != self);
+        others.find(|unit| (factor / by(unit) - 1.0).abs() < 0.1)
+    }
+
+    /// Seconds of one.
+    pub(crate) fn seconds(self) -> f64 {
+        1.0 / self.count() as f64
     }
 
     fn count(self) -> i64 {
@@ -243,6 +258,79 @@ impl Clock {
     }
 }
 
+/// Steps of time that go on, and how many rows have the time of the row before.
+fn steps(time_s: &[f64]) -> (Vec<f64>, usize) {
+    let steps = || time_s.windows(2).map(|pair| pair[1] - pair[0]);
+    let repeated = steps().filter(|step| *step == 0.0).count();
+    (steps().filter(|step| *step > 0.0).collect(), repeated)
+}
+
+/// Whether most rows have the time of the row before: the clock's step is longer than a row.
+fn is_coarse(repeated: usize, rows: usize) -> bool {
+    2 * repeated > rows
+}
+
+/// Puts rows where they most likely were if the clock's step is longer than a row: samples are even, and the first with a new time
+/// came as the clock went on. `rate_hz`: of the rows, where it was told. Tells the clock's step, or none if the clock went on too seldom
+/// to show a rate; nothing if times are the rows' own.
+pub(crate) fn spread(time_s: &mut [f64], rate_hz: Option<f64>) -> Option<Option<f64>> {
+    let (steps, repeated) = steps(time_s);
+    if !is_coarse(repeated, time_s.len()) {
+        return None;
+    }
+    // where time goes back another trajectory begins
+    let mut parts: Vec<Range<usize>> = Vec::new();
+    for row in 0..time_s.len() {
+        match parts.last_mut() {
+            Some(part) if time_s[row] >= time_s[row - 1] => part.end = row + 1,
+            _ => parts.push(row..row + 1),
+        }
+    }
+    // first rows with a new time
+    let new_in = |part: &Range<usize>| -> Vec<(usize, f64)> {
+        let rows = part.clone().skip(1);
+        let new = rows.filter(|row| time_s[*row] > time_s[*row - 1]);
+        new.map(|row| (row, time_s[row])).collect()
+    };
+    let new: Vec<Vec<(usize, f64)>> = parts.iter().map(new_in).collect();
+    let row_s = |from: (usize, f64), to: (usize, f64)| (to.1 - from.1) / (to.0 - from.0) as f64;
+    let ends = new.iter().filter(|new| new.len() > 1);
+    let shown = ends.map(|new| row_s(new[0], new[new.len() - 1]));
+    let Some(usual_s) = quantile(shown.collect(), 0.5).or(rate_hz.map(f64::recip)) else {
+        return Some(None);
+    };
+    for (part, new) in parts.into_iter().zip(new) {
+        let first = new
+            .first()
+            .copied()
+            .unwrap_or((part.start, time_s[part.start]));
+        let last = new.last().copied().unwrap_or(first);
+        let mean_s = if last.0 > first.0 {
+            row_s(first, last)
+        } else {
+            usual_s
+        };
+        let at = |row: usize, from: (usize, f64), row_s: f64| {
+            from.1 + (row as f64 - from.0 as f64) * row_s
+        };
+        // each new time came within a row of where even rows have it, or rows are missing
+        let is_even = new
+            .iter()
+            .all(|(row, time_s)| (at(*row, first, mean_s) - time_s).abs() <= mean_s);
+        if is_even {
+            part.for_each(|row| time_s[row] = at(row, first, mean_s));
+            continue;
+        }
+        for pair in new.windows(2) {
+            let step_s = row_s(pair[0], pair[1]);
+            (pair[0].0..pair[1].0).for_each(|row| time_s[row] = at(row, pair[0], step_s));
+        }
+        (part.start..first.0).for_each(|row| time_s[row] = at(row, first, mean_s));
+        (last.0..part.end).for_each(|row| time_s[row] = at(row, last, mean_s));
+    }
+    Some(quantile(steps, 0.5))
+}
+
 /// The unit of times that nothing tells: by their size and steps if they are since 1970, else by their steps, as
 /// controllers log from ten to some thousand times a second.
 fn guess_unit(times: &[Instant]) -> UnitsPerSecond {
@@ -252,12 +340,18 @@ fn guess_unit(times: &[Instant]) -> UnitsPerSecond {
         UnitsPerSecond::MICROSECONDS,
         UnitsPerSecond::NANOSECONDS,
     ];
-    let steps = times.windows(2).map(|pair| pair[1].since(pair[0]));
-    let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
-    let middle = steps.len() / 2;
-    let step = match steps.is_empty() {
-        true => 0.0,
-        false => *steps.select_nth_unstable_by(middle, f64::total_cmp).1,
+    let since_first: Vec<f64> = match times.first() {
+        Some(first) => times.iter().map(|time| time.since(*first)).collect(),
+        None => Vec::new(),
+    };
+    let (steps, repeated) = steps(&since_first);
+    let mut step = quantile(steps.clone(), 0.5).unwrap_or(0.0);
+    // a clock that counts in longer steps than rows: it is rows that come ten times a second at least
+    let slowest_s = if is_coarse(repeated, times.len()) {
+        step *= steps.len() as f64 / times.len() as f64;
+        0.1
+    } else {
+        1.0
     };
     let first = times.first().map_or(0.0, |first| first.seconds);
     // Nanoseconds since a machine was started look like milliseconds since 1970, but for their steps.
@@ -266,7 +360,7 @@ fn guess_unit(times: &[Instant]) -> UnitsPerSecond {
         (1e9..4.2e9).contains(&(first / count)) && step / count < 100.0
     });
     since_1970.unwrap_or(match step {
-        step if step < 1.0 => UnitsPerSecond::SECONDS,
+        step if step < slowest_s => UnitsPerSecond::SECONDS,
         step if step < 1e3 => UnitsPerSecond::MILLISECONDS,
         step if step < 1e5 => UnitsPerSecond::MICROSECONDS,
         _ => UnitsPerSecond::NANOSECONDS,
@@ -402,6 +496,10 @@ mod tests {
         assert_eq!(clock(&[0.0, 2.0, 4.0]).time_s, [0.0, 0.002, 0.004]);
         assert_eq!(clock(&[0.0, 2000.0]).time_s, [0.0, 0.002]);
         assert_eq!(clock(&[0.0, 2e6]).time_s, [0.0, 0.002]);
+        // whole seconds of rows that come a hundred times as often, and whole milliseconds of three rows each
+        let stamps = |rows: u32| -> Vec<f64> { (0..300).map(|k| f64::from(k / rows)).collect() };
+        assert_eq!(clock(&stamps(100)).time_s[299], 2.0);
+        assert_eq!(clock(&stamps(3)).time_s[299], 0.099);
         assert_eq!(clock(&[1.7e12, 1.7e12 + 2.0]).time_s, [0.0, 0.002]);
         assert_eq!(clock(&[1.7e9, 1.7e9 + 5.0]).time_s, [0.0, 5.0]);
         assert_eq!(clock(&[2e12, 2e12 + 2e6]).time_s, [2000.0, 2000.002]);
@@ -409,6 +507,41 @@ mod tests {
             clock(&[1.7e18]).start_unix_ns,
             Some(1_700_000_000_000_000_000)
         );
+    }
+
+    #[test]
+    fn rows_of_one_time_are_even_between_the_clocks_steps() {
+        // a clock of minutes; the first row comes 40 s into one
+        let true_s = |row: i32| 40.0 + 0.01 * f64::from(row);
+        let minutes = |row: i32| 60.0 * (true_s(row) / 60.0).floor();
+        let mut time_s: Vec<f64> = (0..20_000).map(minutes).collect();
+        assert_eq!(spread(&mut time_s, None), Some(Some(60.0)));
+        for (row, time_s) in (0..).zip(&time_s) {
+            assert!((time_s - true_s(row)).abs() < 0.011, "{row}: {time_s}");
+        }
+        // ticks of 16 ms, and rows of 3 ms
+        let ticks = |row: i32| 0.016 * (0.003 * f64::from(row) / 0.016).floor();
+        let mut time_s: Vec<f64> = (0..1000).map(ticks).collect();
+        spread(&mut time_s, None).unwrap();
+        let mut steps = time_s.windows(2).map(|pair| pair[1] - pair[0]);
+        assert!(steps.all(|step_s| (step_s - 0.003).abs() < 1e-5));
+        // half of the rows of one step are missing
+        let there = (0..20_000).filter(|row| !(4000..7000).contains(row));
+        let mut time_s: Vec<f64> = there.map(minutes).collect();
+        spread(&mut time_s, None).unwrap();
+        assert!(time_s.windows(2).all(|pair| pair[1] > pair[0]));
+        assert!((time_s[16_999] - true_s(19_999)).abs() < 3.0);
+        // too few steps to show a rate, unless it was told
+        let mut few: Vec<f64> = (0..5000).map(minutes).collect();
+        assert_eq!(spread(&mut few.clone(), None), Some(None));
+        spread(&mut few, Some(100.0)).unwrap();
+        assert!((few[4999] - few[0] - 49.99).abs() < 1e-9);
+        // rows that have times of their own, some of them twice
+        let mut own: Vec<f64> = (0..100).map(|k| f64::from(k / 2)).collect();
+        let before = own.clone();
+        assert_eq!(spread(&mut own, None), None);
+        assert_eq!(own, before);
+        assert_eq!(spread(&mut [], None), None);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Columns in memory, under the names that their file has for them.
 
 use crate::builder::TableBuilder;
-use crate::clock::{Clock, Instant, UnitsPerSecond};
+use crate::clock::{Clock, Instant, UnitsPerSecond, spread};
 use crate::columns::{Cells, Known, Plan, joint_and_signal, whole};
 use crate::error::Place;
 use crate::guess::{Guess, GuessJoint, guess_frame};
@@ -72,7 +72,7 @@ impl Values {
 }
 
 /// A column of times in seconds, as a table would have them; `None` if one is missing.
-pub(crate) fn times_s(values: &Values, unit: Option<UnitsPerSecond>) -> Option<Vec<f64>> {
+pub(crate) fn clock_of(values: &Values, unit: Option<UnitsPerSecond>) -> Option<Clock> {
     let assumed = unit.unwrap_or(UnitsPerSecond::SECONDS);
     let instants: Option<Vec<Instant>> = match values {
         Values::Numbers(values) => values
@@ -89,7 +89,9 @@ pub(crate) fn times_s(values: &Values, unit: Option<UnitsPerSecond>) -> Option<V
             .collect(),
     };
     let is_told = unit.is_some() || matches!(values, Values::Instants(..));
-    Some(Clock::new(instants?, is_told).time_s)
+    let mut clock = Clock::new(instants?, is_told);
+    spread(&mut clock.time_s, None);
+    Some(clock)
 }
 
 /// The recording of a table in memory: its columns by name, a value for each row, NaN where there is none. Which column is which

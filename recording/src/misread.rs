@@ -13,8 +13,8 @@ const MOST: f64 = 0.01;
 /// Whose values are looked at.
 const ENCODERS: [Signal; 2] = [Signal::MotorPositionRad, Signal::LinkPositionRad];
 
-/// Rows of a position that were misread.
-fn rows(values: &[f64]) -> Vec<usize> {
+/// Rows of a position that were misread, in order.
+pub(crate) fn rows(values: &[f64]) -> Vec<usize> {
     let way = |k: usize| values[k + 1] - values[k];
     let ways: Vec<f64> = (1..values.len()).map(|k| way(k - 1).abs()).collect();
     let there_and_back = |k: usize| {

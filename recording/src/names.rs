@@ -82,7 +82,7 @@ const REFERENCE: &[&str] = &[
 const MOTOR: &[&str] = &["motor", "mot", "rotor", "drive"];
 const LINK: &[&str] = &["link", "joint", "load", "output"];
 /// Said of measured values, and of nothing else.
-const MEASURED: &[&str] = &["measured", "meas", "actual", "act"];
+const MEASURED: &[&str] = &["measured", "meas", "actual", "act", "feedback", "fb", "fbk"];
 /// Said of what stands for measured values where there are none.
 const ESTIMATED: &[&str] = &["est", "estimated", "applied"];
 /// Said of what a model makes.
@@ -150,9 +150,13 @@ const UNITS_OF_SLIDES: &[(&str, Quantity, f64)] = &[
 /// Unit, what it is a unit of, and SI per unit. Of a velocity per second where a time does not follow.
 const UNITS: &[(&str, Quantity, f64)] = &[
     ("rad", Quantity::Position, 1.0),
+    ("rads", Quantity::Position, 1.0),
+    ("radian", Quantity::Position, 1.0),
+    ("radians", Quantity::Position, 1.0),
     ("deg", Quantity::Position, PI / 180.0),
     ("degree", Quantity::Position, PI / 180.0),
     ("degrees", Quantity::Position, PI / 180.0),
+    ("degs", Quantity::Position, PI / 180.0),
     ("mrad", Quantity::Position, 1e-3),
     ("turns", Quantity::Position, 2.0 * PI),
     ("rev", Quantity::Position, 2.0 * PI),
@@ -162,9 +166,13 @@ const UNITS: &[(&str, Quantity, f64)] = &[
     ("ncm", Quantity::Torque, 1e-2),
     ("knm", Quantity::Torque, 1e3),
     ("a", Quantity::Current, 1.0),
+    ("amps", Quantity::Current, 1.0),
+    ("ampere", Quantity::Current, 1.0),
+    ("amperes", Quantity::Current, 1.0),
     ("ma", Quantity::Current, 1e-3),
     ("degc", Quantity::Temperature, 1.0),
     ("c", Quantity::Temperature, 1.0),
+    ("celsius", Quantity::Temperature, 1.0),
 ];
 
 /// Units of other things than joints, and of times.
@@ -187,6 +195,11 @@ const SPELLINGS: &[(&str, &str)] = &[
     ("N*m", "Nm"),
     ("N.m", "Nm"),
     ("N-m", "Nm"),
+    ("newton_meters", "Nm"),
+    ("newton_metres", "Nm"),
+    ("_per_second", "_s"),
+    ("_per_sec", "_s"),
+    ("_per_s", "_s"),
     ("set_point", "setpoint"),
     (PROCESS_VALUE, "position"),
 ];
@@ -573,6 +586,31 @@ mod tests {
         ] {
             let told = meaning(name).unwrap();
             assert_eq!((told.scale, told.rest), (Some(scale), vec![]), "{name}");
+        }
+        for (name, signal, scale) in [
+            ("torque_feedback", Signal::JointTorqueNm, None),
+            ("feedback_torque", Signal::JointTorqueNm, None),
+            ("tau_fb", Signal::JointTorqueNm, None),
+            ("motor_current_amps", Signal::MotorCurrentA, Some(1.0)),
+            ("position_radians", Signal::LinkPositionRad, Some(1.0)),
+            (
+                "velocity_radians_per_second",
+                Signal::LinkVelocityRadS,
+                Some(1.0),
+            ),
+            (
+                "velocity_degrees_per_sec",
+                Signal::LinkVelocityRadS,
+                Some(PI / 180.0),
+            ),
+            ("torque_newton_meters", Signal::JointTorqueNm, Some(1.0)),
+        ] {
+            let told = meaning(name).unwrap();
+            assert_eq!(
+                (told.signal().0, told.scale, told.rest),
+                (signal, scale, vec![]),
+                "{name}"
+            );
         }
         assert_eq!(meaning("comment"), None);
     }

@@ -103,6 +103,125 @@ fn names_units_sides_and_signs_are_told_by_names_and_physics() {
 }
 
 #[test]
+fn what_is_fed_back_was_measured_unless_a_controller_feeds_forward_too() {
+    let log = |header: &str| {
+        Log::new(header, |time_s| {
+            let (angle, speed) = swing(time_s);
+            vec![angle, speed, 2.0, 3.0]
+        })
+    };
+    let robot = [("shoulder", 1.0)];
+    for name in ["torque_feedback", "feedback_torque", "tau_fb"] {
+        let header = format!("position_radians,velocity_radians_per_second,{name},torque");
+        let guess = log(&header).guess(&robot);
+        let (_, signal, scale, sure) = told(&guess, name);
+        assert_eq!(
+            (signal, scale, sure),
+            (Signal::JointTorqueNm, 1.0, Sure::Likely),
+            "{name}"
+        );
+        assert_eq!(guess.columns.len(), 3, "{:?}", guess.left_out);
+    }
+    let guess = log("q,dq,tau_fb,tau_ff").guess(&robot);
+    assert_eq!(told(&guess, "tau_fb").3, Sure::Doubtful);
+}
+
+#[test]
+fn a_row_that_was_misread_tells_no_unit() {
+    let log = Log::new("q,tau", |time_s| {
+        let is_misread = (time_s - 0.4).abs() < 1e-6;
+        let leap = if is_misread { 25.0 } else { 0.0 };
+        vec![swing(time_s).0 + leap, 1.0]
+    });
+    let (_, signal, scale, _) = told(&log.guess(&[("shoulder", 1.0)]), "q");
+    assert_eq!((signal, scale), (Signal::LinkPositionRad, 1.0));
+}
+
+fn write_rows(rows: u32, row: impl Fn(u32) -> String) -> Log {
+    let folder = tempfile::tempdir().unwrap();
+    let rows: String = (0..rows).map(row).collect();
+    let text = format!("t,q,dq,tau\n{rows}");
+    std::fs::write(folder.path().join("log.csv"), text).unwrap();
+    Log(folder)
+}
+
+#[test]
+fn rows_are_even_between_the_steps_of_a_coarse_clock() {
+    let robot = guess_joints(&[("shoulder", 1.0)]);
+    let motion = |time_s: f64| format!("{},{},1.0", time_s.sin(), time_s.cos());
+    let minutes = write_rows(20_000, |row| {
+        let time_s = 40.0 + 0.01 * f64::from(row);
+        format!(
+            "13.05.2024 10:{:02},{}\n",
+            (time_s / 60.0) as u32,
+            motion(time_s)
+        )
+    });
+    let (recording, guess) = read_guessing(&minutes.path(), None, &robot).unwrap();
+    assert!((recording.sample_rate_hz / 100.0 - 1.0).abs() < 1e-3);
+    assert_eq!(recording.metadata["clock_step_s"], "60");
+    // the velocity agrees with the position
+    assert_eq!(told(&guess.unwrap(), "dq").2, 1.0);
+    let seconds = write_rows(2000, |row| {
+        let time_s = 0.01 * f64::from(row);
+        format!("{},{}\n", time_s as u32, motion(time_s))
+    });
+    let (recording, _) = read_guessing(&seconds.path(), None, &robot).unwrap();
+    assert!((recording.sample_rate_hz / 100.0 - 1.0).abs() < 1e-3);
+    assert_eq!(recording.metadata["time_unit_guessed"], "seconds");
+    // a minute and its next show no rate
+    let short = write_rows(5000, |row| {
+        let time_s = 40.0 + 0.01 * f64::from(row);
+        format!(
+            "13.05.2024 10:{:02},{}\n",
+            (time_s / 60.0) as u32,
+            motion(time_s)
+        )
+    });
+    let error = read_guessing(&short.path(), None, &robot).unwrap_err();
+    let told = error.to_string();
+    assert!(
+        told.contains("sample_rate_hz") && !told.contains('\n'),
+        "{told}"
+    );
+    // written three times each
+    let thrice = write_rows(300, |row| {
+        let time_s = 0.01 * f64::from(row / 3);
+        format!("{time_s},{}\n", motion(time_s))
+    });
+    let (recording, _) = read_guessing(&thrice.path(), None, &robot).unwrap();
+    assert!((recording.sample_rate_hz / 100.0 - 1.0).abs() < 1e-3);
+    assert_eq!(recording.time_s[2], 0.0);
+}
+
+#[test]
+fn a_velocity_tells_the_unit_of_times_that_nothing_else_does() {
+    let robot = guess_joints(&[("shoulder", 1.0)]);
+    // one row a second, as of a slow joint
+    let slow = write_rows(600, |row| {
+        let time_s = f64::from(row);
+        let angle = (0.05 * time_s).sin();
+        let speed = 0.05 * (0.05 * time_s).cos();
+        format!("{time_s},{angle},{speed},1.0\n")
+    });
+    let (recording, guess) = read_guessing(&slow.path(), None, &robot).unwrap();
+    assert_eq!(recording.time_s[599], 599.0);
+    assert!(
+        guess
+            .unwrap()
+            .to_toml()
+            .contains("scale = 1.0 }   # likely: seconds")
+    );
+    let fast = write_rows(600, |row| {
+        let time_s = 1e-3 * f64::from(row);
+        let (angle, speed) = swing(time_s);
+        format!("{row},{angle},{speed},1.0\n")
+    });
+    let (recording, _) = read_guessing(&fast.path(), None, &robot).unwrap();
+    assert!((recording.time_s[599] - 0.599).abs() < 1e-12);
+}
+
+#[test]
 fn a_torque_at_a_geared_joint_is_doubtful_and_at_one_without_a_gear_is_not() {
     let log = Log::new("q,tau", |time_s| vec![swing(time_s).0, 70.0]);
     let (_, signal, scale, sure) = told(&log.guess(&[("shoulder", 100.0)]), "tau");

@@ -58,6 +58,42 @@ impl Evidence {
         }
     }
 
+    /// Amplitudes of some of a set's items, of one column each and none below its least, that leave least beside the rest of the set: where one
+    /// is at its least, the others are fitted with that one held. And the mean square that they leave out of the first signal.
+    pub fn fit_above(&self, names: Names, least: &[(usize, f64)]) -> Option<(Vec<f64>, f64)> {
+        let rows = self.spans[0].rows.len().max(1) as f64;
+        let place = |item: usize| self.own[item].start;
+        let fits = (0..1_usize << least.len()).map(|set| {
+            let is_held = |k: usize| set & (1 << k) != 0;
+            let held = least.iter().enumerate().filter(|(k, _)| is_held(*k));
+            let held =
+                held.map(|(_, (item, value))| (place(*item), value * self.scale[place(*item)]));
+            let held: Vec<(usize, f64)> = held.collect();
+            let mut free = self.places(names);
+            free.retain(|own| held.iter().all(|(other, _)| other != own));
+            let fitted = self.whole.values_with(&free, &held);
+            let fitted = |item: usize| {
+                let at = free.iter().position(|own| *own == place(item));
+                at.map_or(0.0, |at| fitted[at] / self.scale[free[at]])
+            };
+            let own = least.iter().enumerate();
+            let own = own.map(|(k, (item, value))| if is_held(k) { *value } else { fitted(*item) });
+            let left: f64 = self
+                .left_with(&free, &held)
+                .iter()
+                .map(|part| part[0])
+                .sum();
+            (own.collect::<Vec<f64>>(), left / rows)
+        });
+        let can_be = fits.filter(|(values, _)| {
+            values
+                .iter()
+                .zip(least)
+                .all(|(value, (_, least))| value >= least)
+        });
+        can_be.min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
     /// What the file's values, and the arm's shared cause, come to beside a set.
     pub fn values_beside(&self, names: Names) -> Vec<f64> {
         let places = self.places(names);

@@ -8,14 +8,25 @@ use std::f64::consts::TAU;
 use super::remaining::{bent, braking, hats, since_reversal};
 use super::rows::Rows;
 use super::sums::dot;
+use crate::report::Remains;
+
 use super::{AMPLITUDE_NATS, Evidence, Fit, INEXACT, NAME_NATS, Names, Scored, Smooth};
 use crate::signal::waves::PERIODS_MIN;
 
 /// Parts of the recording between which something may have changed at once: half of what is left out in turn.
 const INSTANTS: usize = 20;
 
-/// Takes back those names of the best set whose part of the gap a smooth law explains better; sets with such a name are no more. Says whether
-/// a law explains something that the best set leaves. `counted`: a column of the rows as it counts in the evidence. `expected`: friction that
+/// A law on no list that explains something that the names leave.
+#[derive(Clone, Copy, Debug)]
+pub struct Ahead {
+    /// What it is a law over.
+    pub over: Remains,
+    /// Sum of squares that the names leave with it, in the units of [`Scored::left`].
+    pub left: f64,
+}
+
+/// Takes back those names of the best set whose part of the gap a smooth law explains better; sets with such a name are no more. Tells the
+/// law that explains most of what the best set leaves, if there is one. `counted`: a column of the rows as it counts in the evidence. `expected`: friction that
 /// the joint has, as every joint, and that nobody measured.
 pub fn take_back(
     sets: &mut Vec<Scored>,
@@ -24,7 +35,7 @@ pub fn take_back(
     counted: impl Fn(&[f64]) -> Vec<f64>,
     expected: Names,
     is_possible: impl Fn(&Fit) -> bool,
-) -> bool {
+) -> Option<Ahead> {
     let best = sets[0].names;
     // what every joint may have is not taken back
     let usual = best & evidence.usual();
@@ -39,9 +50,7 @@ pub fn take_back(
         *column = counted(column);
     }
     let beside = evidence.with_smooth(best, &laws);
-    let Some(told) = without_imitations(&beside, best, usual) else {
-        return false;
-    };
+    let (law, told) = without_imitations(&beside, best, usual)?;
     let taken = best & !told;
     if taken != 0 {
         let left = if expected == 0 {
@@ -53,17 +62,25 @@ pub fn take_back(
         sets.insert(0, left);
     }
     let square = |names: Names| beside.scored(names).left.iter().sum::<f64>();
+    let ahead = |(law, smooth): (Names, &Smooth)| Ahead {
+        over: smooth.over,
+        left: square(told | law),
+    };
+    let all = || beside.smooth().zip(&laws);
+    if taken != 0 {
+        return all().find(|(own, _)| *own == law).map(ahead);
+    }
     let (known, left) = (beside.scored(best).score, square(best));
     let explained = square(0) - left;
     let untold = beside.floor_square(best);
-    let mut others = beside.smooth().zip(&laws);
-    taken != 0
-        || others.any(|(law, smooth)| {
-            let with = best | law;
-            let least = untold.max(smooth.inexact.powi(2) * explained);
-            let is_more = left - square(with) > least;
-            is_more && beside.scored(with).score > known
-        })
+    let others = all().filter(|(law, smooth)| {
+        let with = best | law;
+        let least = untold.max(smooth.inexact.powi(2) * explained);
+        let is_more = left - square(with) > least;
+        is_more && beside.scored(with).score > known
+    });
+    let others = others.map(ahead);
+    others.min_by(|a, b| a.left.total_cmp(&b.left))
 }
 
 /// The best set of these names: beside names that are gone there may have been no need of friction that is there.
@@ -80,17 +97,17 @@ fn chosen_anew(evidence: &Evidence, names: Names, is_possible: impl Fn(&Fit) -> 
     best
 }
 
-/// The names of the best set that are told beside the law that explains most with them; none where no law is ahead of the names.
-fn without_imitations(evidence: &Evidence, best: Names, usual: Names) -> Option<Names> {
+/// The law that explains most with names of the best set, and these names; none where no law is ahead of the names.
+fn without_imitations(evidence: &Evidence, best: Names, usual: Names) -> Option<(Names, Names)> {
     let others = best & !usual;
     let known = evidence.scored(best).score;
-    let mut ahead: Option<(f64, Names)> = None;
+    let mut ahead: Option<(f64, Names, Names)> = None;
     for law in evidence.smooth() {
         let mut subset = others;
         loop {
             let score = evidence.scored(subset | usual | law).score;
-            if score > known && ahead.is_none_or(|(most, _)| score > most) {
-                ahead = Some((score, subset | usual));
+            if score > known && ahead.is_none_or(|(most, _, _)| score > most) {
+                ahead = Some((score, law, subset | usual));
             }
             if subset == 0 {
                 break;
@@ -98,7 +115,7 @@ fn without_imitations(evidence: &Evidence, best: Names, usual: Names) -> Option<
             subset = (subset - 1) & others;
         }
     }
-    ahead.map(|(_, names)| names)
+    ahead.map(|(_, law, names)| (law, names))
 }
 
 /// Laws over time, position, speed and the time since a reversal that no name on the list is. The other joints' motion is not among them:
@@ -109,29 +126,33 @@ fn laws(rows: &Rows, rest_nm: &[f64]) -> Vec<Smooth> {
     let speed_rad_s: Vec<f64> = rows.velocity_rad_s.iter().map(|v| v.abs()).collect();
     // all columns together are Coulomb friction, a constant is an offset
     let but_first = |columns: Vec<Vec<f64>>| columns.into_iter().skip(1).collect::<Vec<_>>();
-    let law = |columns: Vec<Vec<f64>>, among: f64, inexact: f64| Smooth {
+    let law = |over: Remains, columns: Vec<Vec<f64>>, among: f64, inexact: f64| Smooth {
+        over,
         inexact,
         cost: NAME_NATS + among + AMPLITUDE_NATS * columns.len().saturating_sub(1) as f64,
         columns,
     };
     let smooth = [
-        since_reversal(rows),
-        bent(&rows.time_s),
-        over_position.clone(),
+        (Remains::SinceReversal, since_reversal(rows)),
+        (Remains::Time, bent(&rows.time_s)),
+        (Remains::Position, over_position.clone()),
     ];
     // no friction is a named curve exactly, nor the same at all angles
-    let frictions = [braking(over_position), braking(hats(&speed_rad_s))];
+    let frictions = [
+        (Remains::Position, braking(over_position)),
+        (Remains::Velocity, braking(hats(&speed_rad_s))),
+    ];
     let jumps = jumps(&rows.time_s);
     let among = (2.0 * jumps.len() as f64).ln();
     let jumps = braking(jumps.clone()).into_iter().chain(jumps);
     let vibration = vibration(&rows.time_s, rest_nm).into_iter();
-    let smooth = smooth.map(|columns| law(but_first(columns), 0.0, 0.0));
-    let frictions = frictions.map(|columns| law(but_first(columns), 0.0, INEXACT));
+    let smooth = smooth.map(|(over, columns)| law(over, but_first(columns), 0.0, 0.0));
+    let frictions = frictions.map(|(over, columns)| law(over, but_first(columns), 0.0, INEXACT));
     smooth
         .into_iter()
         .chain(frictions)
-        .chain(jumps.map(|jump| law(vec![jump], among, 0.0)))
-        .chain(vibration.map(|(waves, among)| law(waves, among, 0.0)))
+        .chain(jumps.map(|jump| law(Remains::Time, vec![jump], among, 0.0)))
+        .chain(vibration.map(|(waves, among)| law(Remains::Time, waves, among, 0.0)))
         .filter(|law| !law.columns.is_empty())
         .collect()
 }
@@ -189,7 +210,7 @@ mod tests {
     }
 
     /// A joint that swings, with friction that is less or more by these, row by row.
-    fn told(friction_nm: impl Fn(f64, f64) -> f64) -> (bool, Names) {
+    fn told(friction_nm: impl Fn(f64, f64) -> f64) -> (Option<Remains>, Names) {
         let time_s: Vec<f64> = (0..ROWS).map(|k| 0.02 * k as f64).collect();
         let position_rad: Vec<f64> = time_s
             .iter()
@@ -242,8 +263,8 @@ mod tests {
             shared: None,
         });
         let mut sets = evidence.best(|_| true);
-        let is_law = take_back(&mut sets, &evidence, &rows, <[f64]>::to_vec, 0, |_| true);
-        (is_law, sets[0].names)
+        let law = take_back(&mut sets, &evidence, &rows, <[f64]>::to_vec, 0, |_| true);
+        (law.map(|law| law.over), sets[0].names)
     }
 
     #[test]
@@ -254,7 +275,8 @@ mod tests {
 
     #[test]
     fn friction_that_jumps_is_no_drift() {
-        assert_eq!(told(|t, _| if t < 11.0 { 0.0 } else { 1.0 }), (true, 0));
+        let jumps = |t: f64, _: f64| if t < 11.0 { 0.0 } else { 1.0 };
+        assert_eq!(told(jumps), (Some(Remains::Time), 0));
     }
 
     #[test]

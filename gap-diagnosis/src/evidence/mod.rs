@@ -20,6 +20,7 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::report::Remains;
 pub use crate::twin::known::LAW as INEXACT;
 pub use fit::Fit;
 use sums::{Reduced, Sums, dot, parts};
@@ -83,6 +84,8 @@ pub struct Item<'a> {
 /// A smooth law on no list.
 #[derive(Clone, Debug)]
 pub struct Smooth {
+    /// What it is a law over.
+    pub over: Remains,
     /// Part of what names explain by which what it stands for is never exact: less than that is no rest.
     pub inexact: f64,
     /// What saying that there is one costs, in nats.
@@ -476,8 +479,12 @@ impl Evidence {
 
     /// Sums of squares left out, part by part and span by span.
     fn left(&self, names: Names) -> [Vec<f64>; PARTS] {
-        let places = self.places(names);
-        std::array::from_fn(|part| self.reduced[part].left(&places))
+        self.left_with(&self.places(names), &[])
+    }
+
+    /// The same of columns beside others that are held.
+    fn left_with(&self, places: &[usize], held: &[(usize, f64)]) -> [Vec<f64>; PARTS] {
+        std::array::from_fn(|part| self.reduced[part].left(places, held))
     }
 
     /// What every joint may have, whatever the arm shares.
@@ -699,5 +706,45 @@ mod tests {
         // half of two deviations' square is less than a name costs, of four it is more
         assert_eq!(best(2.0), 0);
         assert_eq!(best(4.0), 1);
+    }
+
+    #[test]
+    fn what_would_pass_its_limit_is_held_there_and_the_others_are_fitted_beside_it() {
+        let [one, noise] = [noise(1), noise(2)];
+        // alike in part, so that holding one changes the other
+        let other = sum(&noise, &one, 1.0);
+        let gap_nm = sum(&one, &other, -0.4);
+        let columns = [[one], [other]];
+        let items = [item(0, &columns[0]), item(1, &columns[1])];
+        let spans = [span(0..ROWS, 0.0)];
+        let of = evidence(&gap_nm, &spans, &items, &[]);
+        let (free, _) = of.fit_above(3, &[(0, -1.0), (1, -1.0)]).unwrap();
+        assert!((free[0] - 1.0).abs() < 0.01 && (free[1] + 0.4).abs() < 0.01);
+        let (held, left) = of.fit_above(3, &[(0, 0.0), (1, 0.0)]).unwrap();
+        let alone = of.fit(1).amplitudes[0].1[0];
+        assert_eq!(held, [alone, 0.0]);
+        assert!((left - of.mean_squares(1)[0]).abs() < 1e-9 * left);
+    }
+
+    #[test]
+    fn friction_at_one_speed_has_one_name() {
+        // the speed is even to a hundredth, and what the friction is off by happens to go with it
+        let [speed, noise] = [noise(1), noise(2)];
+        let coulomb = vec![1.0; ROWS];
+        let viscous: Vec<f64> = speed.iter().map(|x| 0.1 + 1e-3 * x).collect();
+        let gap_nm: Vec<f64> = (0..ROWS)
+            .map(|k| 5.0 + 0.2 * speed[k] + 0.05 * noise[k])
+            .collect();
+        let columns = [[coulomb], [viscous]];
+        let mut items = [item(0, &columns[0]), item(1, &columns[1])];
+        items.iter_mut().for_each(|item| item.is_usual = true);
+        let spans = [span(0..ROWS, 0.0)];
+        let of = evidence(&gap_nm, &spans, &items, &[]);
+        let sets = of.best(|_| true);
+        assert!(sets.iter().all(|set| set.names != 3));
+        // which one nothing tells
+        assert_eq!(sets[0].score, sets[1].score);
+        let names = sets[0].names | sets[1].names;
+        assert_eq!((names, sets[0].names.count_ones()), (3, 1));
     }
 }

@@ -169,7 +169,17 @@ impl Reduced {
     }
 
     pub fn values(&self, places: &[usize]) -> DVector<f64> {
-        let (matrix, vector) = self.picked(places);
+        self.values_with(places, &[])
+    }
+
+    /// Values of columns beside others that are held.
+    pub fn values_with(&self, places: &[usize], held: &[(usize, f64)]) -> DVector<f64> {
+        let (matrix, mut vector) = self.picked(places);
+        for (of, value) in held {
+            for (sum, place) in vector.iter_mut().zip(places) {
+                *sum -= value * self.train[(*place, *of)];
+            }
+        }
         match matrix.cholesky() {
             Some(solved) => solved.solve(&vector),
             None => DVector::zeros(places.len()),
@@ -192,14 +202,17 @@ impl Reduced {
         rest
     }
 
-    pub fn left(&self, places: &[usize]) -> Vec<f64> {
-        let values = self.values(places);
+    /// What columns that are fitted, and others that are held, leave of each test.
+    pub fn left(&self, places: &[usize], held: &[(usize, f64)]) -> Vec<f64> {
+        let values = self.values_with(places, held);
+        let own = places.iter().copied().zip(values.iter().copied());
+        let all: Vec<(usize, f64)> = own.chain(held.iter().copied()).collect();
         let of_test = |test: &Test| {
             let mut left = test.square;
-            for (i, place) in places.iter().enumerate() {
-                left -= 2.0 * values[i] * test.vector[*place];
-                for (j, other) in places.iter().enumerate() {
-                    left += values[i] * test.gram[(*place, *other)] * values[j];
+            for (place, value) in &all {
+                left -= 2.0 * value * test.vector[*place];
+                for (other, beside) in &all {
+                    left += value * test.gram[(*place, *other)] * beside;
                 }
             }
             left.max(0.0)

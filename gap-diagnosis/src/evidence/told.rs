@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use joint_model::friction::SteadyFriction;
+use nalgebra::DMatrix;
 use robot::Effect;
 
-use nalgebra::DMatrix;
-
+use super::imitation::Ahead;
 use super::rows::Rows;
 use super::shares::{Game, Interval, Shares};
 use super::{DEVIATIONS, ERRORS, Evidence, Fit, NAME_NATS, Names, Scored};
@@ -27,14 +28,23 @@ const ALIKE: f64 = 0.5 * DEVIATIONS * DEVIATIONS;
 /// Below this weight a set's shares are not looked at.
 const WEIGHT_MIN: f64 = 1e-3;
 
-/// What decided a verdict, where the effects do not show it. `taken`, `left`: parts of the gap that names take and leave. `drives`: whether
+/// What decided a verdict, where the effects do not show it. `has_law`: whether a law on no list is ahead. `taken`, `left`: parts of the gap that names take and leave. `drives`: whether
 /// what is left depends on the velocity and goes with it.
-fn reason(verdict: Verdict, has_names: bool, [taken, left]: [f64; 2], drives: bool) -> String {
+fn reason(
+    verdict: Verdict,
+    [has_names, has_law]: [bool; 2],
+    [taken, left]: [f64; 2],
+    drives: bool,
+) -> String {
     let names_take = |limit: f64| {
         let [taken, limit] = [taken.max(0.0), limit].map(|share| 100.0 * share);
         format!("the names take {taken:.1} % of the gap, less than {limit:.0} %")
     };
     match verdict {
+        Verdict::PartlyExplained if taken >= EXPLAINED && !has_law => format!(
+            "the {:.1} % that the names leave are more than the simulation may be off by",
+            100.0 * left.max(0.0)
+        ),
         Verdict::PartlyExplained if taken >= EXPLAINED => format!(
             "some of the {:.1} % that the names leave follows a law on no list",
             100.0 * left.max(0.0)
@@ -78,14 +88,16 @@ pub struct Found<'a> {
     pub called: &'a dyn Called,
     /// Of its gear.
     pub gear_ratio: f64,
+    /// That the file states.
+    pub friction: &'a SteadyFriction,
     /// Sum of squares that noise and the twin make up, of all rows.
     pub noise_square: f64,
     /// With what the arm shares.
     pub evidence: &'a Evidence,
     /// Sets by score.
     pub sets: &'a [Scored],
-    /// Whether a smooth law on no list explains something that the names leave.
-    pub leaves_a_law: bool,
+    /// A smooth law on no list that explains something that the names leave.
+    pub leaves: Option<Ahead>,
     /// Whether the best set leaves no more than what a twin may be off by; none where nothing tells that, and the noise decides.
     pub is_at_floor: Option<bool>,
     /// Names of what the arm shares, with how many columns each has, in their order; none of what each joint calls its own way.
@@ -199,7 +211,7 @@ impl Found<'_> {
         let noise = self.noise_square / rows;
         let nothing = game.left[0].iter().sum::<f64>() / rows - noise;
         let left = best.left.iter().sum::<f64>() / rows - noise;
-        let remaining_over = super::remaining::over(
+        let mut remaining_over = super::remaining::over(
             self.rows,
             others,
             self.gear_ratio,
@@ -218,6 +230,7 @@ impl Found<'_> {
         let candidates = self.candidates(&weights, &shares, is_quiet);
         let taken = shares.of.iter().map(|share| share.value).sum::<f64>();
         let gap = self.gap(&best, &shares, &gap_nm, nothing);
+        let leaves_more = self.leaves.is_some() || self.is_at_floor == Some(false);
         let has_names = !effects.is_empty() || shared.iter().any(|s| s.value >= self.materiality);
         let confusable = self.confusable(&best);
         let is_sure = is_sure(&candidates, &confusable);
@@ -230,13 +243,27 @@ impl Found<'_> {
             }
         } else if !is_sure {
             Verdict::Ambiguous
-        } else if at_floor || taken >= EXPLAINED && !self.leaves_a_law {
+        } else if at_floor || taken >= EXPLAINED && !leaves_more {
             Verdict::Explained
         } else if taken >= PARTLY {
             Verdict::PartlyExplained
         } else {
             Verdict::Unexplained
         };
+        // what a verdict goes by is told, also where the rest alone does not show it
+        let is_told = |law: &Ahead| remaining_over.iter().any(|rest| rest.over == law.over);
+        let law = self.leaves.filter(|law| !is_told(law));
+        if let Some(Ahead { over, left }) =
+            law.filter(|_| verdict != Verdict::NoGap && nothing > 0.0)
+        {
+            remaining_over.push(RemainsOver {
+                over,
+                share: (best.left.iter().sum::<f64>() - left).max(0.0) / rows / nothing,
+                at: Vec::new(),
+                torque_nm: Vec::new(),
+            });
+            remaining_over.sort_by(|a, b| b.share.total_cmp(&a.share));
+        }
         let over_velocity = remaining_over
             .iter()
             .any(|rest| rest.over == Remains::Velocity);
@@ -244,7 +271,12 @@ impl Found<'_> {
         let report = JointReport {
             joint: self.joint.to_owned(),
             verdict,
-            reason: reason(verdict, has_names, [taken, shares.remaining.value], drives),
+            reason: reason(
+                verdict,
+                [has_names, self.leaves.is_some()],
+                [taken, shares.remaining.value],
+                drives,
+            ),
             place: self.place(&effects, &gap_nm, &remaining_over),
             effects,
             minor_effects,
@@ -259,7 +291,7 @@ impl Found<'_> {
             remaining_share: shares.remaining.value,
             remaining_over,
             torque: None,
-            plain_friction: self.plain_friction(best.names),
+            plain_friction: self.plain_friction(best.names, &fit),
         };
         Said {
             report,
@@ -268,8 +300,9 @@ impl Found<'_> {
         }
     }
 
-    /// Coulomb and viscous friction in the place of all friction of a set, where it has any other.
-    fn plain_friction(&self, names: Names) -> Option<PlainFriction> {
+    /// Coulomb and viscous friction in the place of all friction of a set, where it has any other or takes more of these two than the file
+    /// has: no file holds friction below zero.
+    fn plain_friction(&self, names: Names, fit: &Fit) -> Option<PlainFriction> {
         let kind = |item: usize| self.called.effect(item, &[]).kind();
         let items = || (0..self.called.items()).filter(|item| kind(*item).part() == Part::Friction);
         let plain = [EffectKind::CoulombFriction, EffectKind::ViscousFriction];
@@ -280,23 +313,33 @@ impl Found<'_> {
         let bits = |items: &mut dyn Iterator<Item = usize>| {
             items.fold(0, |names: Names, item| names | 1 << item)
         };
+        let value = |item: usize, amplitude: f64| -> f64 {
+            let told = numbers(&self.called.effect(item, &[amplitude]));
+            told.values().next().copied().unwrap_or(0.0)
+        };
+        let file = self.friction;
+        let least = [
+            (coulomb, -file.coulomb.coulomb_nm),
+            (viscous, -file.viscous.viscous_nm_s_rad),
+        ]
+        .map(|(item, least)| {
+            let at_zero = value(item, 0.0);
+            (item, (least - at_zero) / (value(item, 1.0) - at_zero))
+        });
         let plain = bits(&mut [coulomb, viscous].into_iter());
         let friction = bits(&mut items());
-        if names & friction & !plain == 0 {
+        let has_less = |(item, least): &(usize, f64)| {
+            let mut named = fit.amplitudes.iter();
+            named.any(|(own, amplitudes)| own == item && amplitudes.iter().any(|x| x < least))
+        };
+        if names & friction & !plain == 0 && !least.iter().any(has_less) {
             return None;
         }
-        let names = names & !friction | plain;
-        let fit = self.evidence.fit(names);
-        let value = |item: usize| -> Option<f64> {
-            let mut all = fit.amplitudes.iter();
-            let (_, amplitudes) = all.find(|(other, _)| *other == item)?;
-            let told = numbers(&self.called.effect(item, amplitudes));
-            told.values().next().copied()
-        };
+        let (amplitudes, left) = self.evidence.fit_above(names & !friction | plain, &least)?;
         Some(PlainFriction {
-            coulomb_nm: value(coulomb)?,
-            viscous_nm_s_rad: value(viscous)?,
-            torque_rms_nm: self.evidence.mean_squares(names)[0].sqrt(),
+            coulomb_nm: value(coulomb, amplitudes[0]),
+            viscous_nm_s_rad: value(viscous, amplitudes[1]),
+            torque_rms_nm: left.sqrt(),
         })
     }
 

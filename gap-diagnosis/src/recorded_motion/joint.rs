@@ -9,7 +9,7 @@ use super::shared::Prior;
 use super::signals::controller;
 use crate::effects::GAIN;
 use crate::evidence::arm::{self, Cause};
-use crate::evidence::imitation;
+use crate::evidence::imitation::{self, Ahead};
 use crate::evidence::{DEVIATIONS, Evidence, Fit, Item, Names, Presupposed, Problem, Scored, Span};
 use crate::report::{DataFinding, JointReport, JointTorque, SignalGap, TorqueSource};
 use crate::signal::band::COMPARED_HZ;
@@ -63,8 +63,8 @@ pub struct Searched {
     pub evidence: Evidence,
     /// What is told first, then the best first.
     pub sets: Vec<Scored>,
-    /// Whether a smooth law on no list explains something that the names leave; none before that was looked at.
-    pub leaves_a_law: Option<bool>,
+    /// A smooth law on no list that explains something that the names leave; none before that was looked at.
+    pub leaves: Option<Option<Ahead>>,
 }
 
 impl Searched {
@@ -210,17 +210,17 @@ impl Joint {
         Searched {
             evidence,
             sets,
-            leaves_a_law: None,
+            leaves: None,
         }
     }
 
     /// Takes back names whose part of the gap a smooth law over what no name depends on explains better: the best set of the others,
     /// beside such a law, where that is ahead of the best set.
     pub fn without_imitations(&self, searched: &mut Searched) {
-        if searched.leaves_a_law.is_some() {
+        if searched.leaves.is_some() {
             return;
         }
-        searched.leaves_a_law = Some(imitation::take_back(
+        searched.leaves = Some(imitation::take_back(
             &mut searched.sets,
             &searched.evidence,
             &self.rows.seen,

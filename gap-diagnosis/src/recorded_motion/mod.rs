@@ -372,12 +372,13 @@ fn said(
             rows: &joint.rows.seen,
             called: &called,
             gear_ratio: joint.drive.model().gear_ratio,
+            friction: &joint.drive.model().friction,
             // what is left where it was not fitted holds the noise
             noise_square: (joint.rows.noise_nm.powi(2) * joint.rows.seen.count() as f64)
                 .min(best.sets[0].left.iter().sum()),
             evidence: &best.evidence,
             sets: &best.sets,
-            leaves_a_law: best.leaves_a_law.unwrap_or(false),
+            leaves: best.leaves.flatten(),
             is_at_floor: None,
             shared: if with.is_some() { &named } else { &[] },
             of_links,

@@ -2,6 +2,7 @@
 
 use super::{Finding, FindingKind};
 use crate::Recording;
+use crate::builder::SPREAD;
 use crate::info::{Timing, timing};
 use crate::statistics::span;
 
@@ -93,6 +94,15 @@ fn regularity(recording: &Recording, timing: &Timing) -> Vec<Finding> {
         } else {
             finding.remedy("write times with more digits, or remove rows that were written twice")
         });
+    }
+    if let Some(step_s) = recording.metadata.get(SPREAD) {
+        let what = format!(
+            "the clock's step is {step_s} s, longer than a row; rows are taken to be even between its steps, {:.4} a second",
+            recording.sample_rate_hz
+        );
+        let finding = Finding::note(FindingKind::RepeatedTimes, what);
+        findings
+            .push(finding.remedy("if the rate is known, set `sample_rate_hz` in the mapping file"));
     }
     let jitter = timing.jitter_std_s * recording.sample_rate_hz;
     if jitter > JITTER_SHARE {

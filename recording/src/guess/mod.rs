@@ -6,6 +6,7 @@ mod names;
 mod numbers;
 mod velocities;
 
+use crate::clock::UnitsPerSecond;
 use crate::error::one_line;
 use crate::frame::Frame;
 use crate::mapping::Mapping;
@@ -66,6 +67,15 @@ pub struct Guess {
     pub left_out: Vec<(String, String)>,
     /// Whether it is known which column is the time.
     pub has_time: bool,
+    /// The column of times whose unit velocities told.
+    pub(crate) time: Option<GuessedTime>,
+}
+
+/// The unit of times that was guessed.
+#[derive(Clone, Debug)]
+pub(crate) struct GuessedTime {
+    column: String,
+    unit: UnitsPerSecond,
 }
 
 /// Guesses what the columns of a log hold.
@@ -141,6 +151,14 @@ impl Guess {
             String::from("# Guessed by `flexspline recording map`. Value = scale·x + offset.\n");
         if !self.has_time {
             text.push_str(NO_TIME);
+        }
+        if let Some(GuessedTime { column, unit }) = &self.time {
+            let (column, scale) = (quoted(column), unit.seconds());
+            let unit = unit.name();
+            let _ = writeln!(
+                text,
+                "\n[columns]\ntime_s = {{ column = {column}, scale = {scale:?} }}   # likely: {unit}, as velocities agree with positions then"
+            );
         }
         let mut joint = "";
         for found in &self.columns {

@@ -6,6 +6,7 @@ use crate::Signal;
 use crate::clock::{only_time_column, time_column};
 use crate::columns::{Known, TIME, joint_and_signal};
 use crate::frame::{Column, Frame, Values};
+use crate::misread;
 use crate::names::{
     Meaning, PROCESS_VALUE, Quantity, is_numbered_joint, meaning, meaning_of_slide, remoteness,
     without_joint, words, words_unknown,
@@ -52,7 +53,8 @@ impl<'a> Guesser<'a> {
                 Err(why) => guess.left_out.push((column.name.clone(), why)),
             }
         }
-        let left_out = self.weigh_velocities(&mut columns);
+        let (left_out, time) = self.weigh_velocities(&mut columns);
+        guess.time = time;
         guess.left_out.extend(left_out);
         // The surest of several for one signal; of these one that has the joint's name or is of the family that most likely are the
         // joints; of these one that was measured, and of these the plainest name.
@@ -207,6 +209,12 @@ impl<'a> Guesser<'a> {
             return Some(
                 "as the robot's maker calls its joints, though other columns are called otherwise",
             );
+        }
+        let is_feedback = words(name)
+            .iter()
+            .any(|word| ["feedback", "fb", "fbk"].contains(&&**word));
+        if is_feedback && some_says(&["feedforward", "ff"]) {
+            return Some("or what a controller adds to its feedforward, which is there too");
         }
         let says_x = || words(name).iter().any(|word| word == "x");
         let is_place = said.joint.is_none() && meaning(name).is_none() && says_x();
@@ -396,8 +404,13 @@ fn unnamed_angle(column: &Column, joints: &[GuessJoint]) -> Option<f64> {
     let Values::Numbers(values) = &column.values else {
         return None;
     };
-    let farther = |farthest: f64, value: &f64| farthest.max(value.abs());
-    (is_angle && meaning.scale.is_none()).then(|| values.iter().fold(0.0, farther))
+    (is_angle && meaning.scale.is_none()).then(|| {
+        // a row that was misread tells nothing of the unit
+        let misread = misread::rows(values);
+        let read = values.iter().enumerate();
+        let read = read.filter(|(row, _)| misread.binary_search(row).is_err());
+        read.fold(0.0, |farthest: f64, (_, value)| farthest.max(value.abs()))
+    })
 }
 
 /// A joint turns once each way at most, but for a motor.

@@ -1,12 +1,15 @@
 //! A velocity is what its position's difference says, in whatever unit and on whatever side of the gear.
 
 use super::names::{Guesser, said};
-use super::{GuessedColumn, Sure};
+use super::{GuessedColumn, GuessedTime, Sure};
 use crate::Signal;
-use crate::clock::{UnitsPerSecond, only_time_column};
+use crate::builder::shown_rate_hz;
+use crate::clock::{Clock, UnitsPerSecond, only_time_column};
 use crate::columns::TIME;
+use crate::frame::clock_of;
 use std::f64::consts::PI;
 use std::fmt::Write;
+use std::ops::RangeInclusive;
 
 /// Ways of a joint, one after the other, that say how a velocity goes with them.
 const WAYS_MIN: usize = 10;
@@ -14,13 +17,17 @@ const WAYS_MIN: usize = 10;
 impl Guesser<'_> {
     /// Unit, sign and side of the gear of velocities, from their positions. One that no unit, sign or side explains is taken out and
     /// told with the reason: it lags, or was filtered, and the position tells the motion without it. Where all are off by one factor the
-    /// time is, and they stay, for they show it.
+    /// time is, and they stay, for they show it; its unit is told too, if nothing else tells that.
     pub(super) fn weigh_velocities(
         &self,
         columns: &mut Vec<(usize, GuessedColumn)>,
-    ) -> Vec<(String, String)> {
-        let Some(time_s) = self.times_s() else {
-            return Vec::new();
+    ) -> (Vec<(String, String)>, Option<GuessedTime>) {
+        let nothing = (Vec::new(), None);
+        let clock = self
+            .time_column()
+            .and_then(|(time, unit)| clock_of(&self.frame.columns[time].values, unit));
+        let Some(clock) = clock else {
+            return nothing;
         };
         let positions: Vec<(usize, String, Vec<f64>)> = columns
             .iter()
@@ -52,7 +59,7 @@ impl Guesser<'_> {
                 .joint_named(&found.joint)
                 .map_or(1.0, |joint| joint.gear_ratio);
             let slope = position
-                .and_then(|(_, _, position)| slope(&time_s, position, &self.numbers(*index)));
+                .and_then(|(_, _, position)| slope(&clock.time_s, position, &self.numbers(*index)));
             let Some(slope) = slope.map(|slope| slope * found.scale) else {
                 continue;
             };
@@ -134,18 +141,46 @@ impl Guesser<'_> {
         }
         let mean = slopes.iter().sum::<f64>() / slopes.len() as f64;
         let is_alike = |slope: &f64| (slope / mean - 1.0).abs() < 0.1;
-        if !are_explained && slopes.len() > 1 && slopes.iter().all(is_alike) {
-            let is_one = |found: &GuessedColumn| left_out.iter().any(|(of, _)| *of == found.column);
+        let are_one = !are_explained && slopes.iter().all(is_alike);
+        let is_one = |found: &GuessedColumn| left_out.iter().any(|(of, _)| *of == found.column);
+        if let Some(time) = self.other_unit_of_time(mean, &clock).filter(|_| are_one) {
+            for (_, found) in columns.iter_mut().filter(|(_, found)| is_one(found)) {
+                let unit = time.unit.name();
+                let _ = write!(
+                    found.why,
+                    "; agrees with the position's difference if times are {unit}"
+                );
+            }
+            return (Vec::new(), Some(time));
+        }
+        if are_one && slopes.len() > 1 {
             for (_, found) in columns.iter_mut().filter(|(_, found)| is_one(found)) {
                 let _ = write!(
                     found.why,
                     "; is {mean:.3} times the position's difference, as all velocities are"
                 );
             }
-            return Vec::new();
+            return nothing;
         }
         columns.retain(|(_, found)| left_out.iter().all(|(column, _)| *column != found.column));
-        left_out
+        (left_out, None)
+    }
+
+    /// The unit of times that nothing told, where velocities say that it is another than their steps let one think, of rows that a controller
+    /// may have written. `slope`: of velocities over their positions' differences.
+    fn other_unit_of_time(&self, slope: f64, clock: &Clock) -> Option<GuessedTime> {
+        /// From one row to the next, in seconds.
+        const ROWS_S: RangeInclusive<f64> = 1e-5..=10.0;
+        let (column, _) = self.time_column()?;
+        let told = clock
+            .guessed_unit
+            .filter(|_| clock.start_unix_ns.is_none())?;
+        let unit = told.shorter_by(slope)?;
+        let row_s = slope.recip() / shown_rate_hz(&clock.time_s, None)?;
+        ROWS_S.contains(&row_s).then(|| GuessedTime {
+            column: self.frame.columns[column].name.clone(),
+            unit,
+        })
     }
 
     /// Whether a position and its velocity, which agree, are of a joint without limits and neither's name tells a unit.
@@ -158,14 +193,12 @@ impl Guesser<'_> {
         is_free && tells_no_unit(position) && tells_no_unit(velocity)
     }
 
-    fn times_s(&self) -> Option<Vec<f64>> {
+    fn time_column(&self) -> Option<(usize, Option<UnitsPerSecond>)> {
         let columns = &self.frame.columns;
-        let named = columns.iter().position(|column| column.name == TIME);
-        let (time, unit) = match named {
-            Some(time) => (time, Some(UnitsPerSecond::SECONDS)),
-            None => only_time_column(columns.iter().map(|column| &*column.name))?,
-        };
-        crate::frame::times_s(&columns[time].values, unit)
+        match columns.iter().position(|column| column.name == TIME) {
+            Some(time) => Some((time, Some(UnitsPerSecond::SECONDS))),
+            None => only_time_column(columns.iter().map(|column| &*column.name)),
+        }
     }
 
     fn numbers(&self, column: usize) -> Vec<f64> {

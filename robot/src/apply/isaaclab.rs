@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use super::{Outcome, Sums, Takes, changed, short};
+use super::{Outcome, Sums, Takes, added, changed, short};
 use crate::error::RobotError;
 use crate::links::Reshaping;
 use crate::{Control, ControlKind, Effect, Robot};
@@ -128,11 +128,12 @@ impl Takes for IsaacLabFile {
             }
             _ => return Outcome::Cannot(cannot(effect).to_owned()),
         };
-        if *sum + change < 0.0 {
+        let after = added(*sum, change);
+        if after < 0.0 {
             return Outcome::Cannot(format!("{key} would be below zero"));
         }
-        let told = changed(key, *sum, *sum + change);
-        *sum += change;
+        let told = changed(key, *sum, after);
+        *sum = after;
         match effect {
             Effect::LinkInertia { .. } => {
                 Outcome::InPart(told, "only its own joint feels armature".to_owned())
@@ -144,6 +145,10 @@ impl Takes for IsaacLabFile {
     fn reshape(&mut self, _: &BTreeMap<String, f64>, _: &Reshaping) -> Result<(), RobotError> {
         // bodies are the USD's
         Ok(())
+    }
+
+    fn sums(&self, index: usize) -> &Sums {
+        &self.sums[index]
     }
 
     fn text(&self) -> Result<String, RobotError> {

@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use super::bodies;
 use super::text::Changes;
-use super::{Outcome, Sums, Takes, changed, differs, short};
+use super::{Outcome, Sums, Takes, added, changed, differs, short};
 use crate::error::RobotError;
 use crate::links::Reshaping;
 use crate::model::{Actuator, Joint, Model};
@@ -411,6 +411,10 @@ impl Takes for MjcfFile {
         Ok(())
     }
 
+    fn sums(&self, index: usize) -> &Sums {
+        &self.after[index]
+    }
+
     fn text(&self) -> Result<String, RobotError> {
         let mut changes = self.changes.clone();
         for index in 0..self.bodies.len() {
@@ -425,7 +429,7 @@ impl Sums {
     fn add(&mut self, effect: &Effect) -> Option<String> {
         let summed = |key: &str, sum: &mut f64, change: f64| {
             let before = *sum;
-            *sum += change;
+            *sum = added(before, change);
             Some(changed(key, before, *sum))
         };
         match *effect {

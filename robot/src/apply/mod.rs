@@ -16,7 +16,7 @@ use crate::error::RobotError;
 use crate::file::RobotFile;
 use crate::links::Reshaping;
 use crate::robot::load_raw;
-use crate::{Effect, EffectKind, Part, Robot, RobotJoint, Source};
+use crate::{Effect, Part, Robot, RobotJoint, Source};
 
 /// Whose file is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,15 +36,6 @@ impl Simulator {
             Self::Mjcf => "MJCF",
             Self::Urdf => "URDF",
             Self::IsaacLab => "Isaac Lab",
-        }
-    }
-
-    /// Whether it has words for a law of friction.
-    pub fn says_friction(self, kind: EffectKind) -> bool {
-        match kind {
-            EffectKind::CoulombFriction | EffectKind::ViscousFriction => true,
-            EffectKind::QuadraticFriction => self == Self::Mjcf,
-            _ => false,
         }
     }
 
@@ -70,6 +61,7 @@ pub enum Outcome {
 
 /// A simulator's file to which effects are added.
 pub struct SimulatorFile {
+    simulator: Simulator,
     inner: Box<dyn Takes>,
     /// What of the robot file itself is not in it, in sentences.
     pub notes: Vec<String>,
@@ -82,6 +74,9 @@ trait Takes {
 
     /// Gives links other masses in a text that was there before; `held` is where joints stand that are none of the robot's.
     fn reshape(&mut self, held: &BTreeMap<String, f64>, by: &Reshaping) -> Result<(), RobotError>;
+
+    /// What a joint has by now.
+    fn sums(&self, index: usize) -> &Sums;
 
     fn text(&self) -> Result<String, RobotError>;
 }
@@ -152,12 +147,31 @@ impl SimulatorFile {
         notes.extend(own_effects(robot, simulator, is_converted, inner.as_mut()));
         notes.sort();
         notes.dedup();
-        Ok(Self { inner, notes })
+        Ok(Self {
+            simulator,
+            inner,
+            notes,
+        })
     }
 
     /// Adds an effect to a joint of the robot, by its index, or to the whole arm.
     pub fn add(&mut self, joint: Option<usize>, effect: &Effect) -> Outcome {
         self.inner.add(joint, effect)
+    }
+
+    /// Whether it has words for a friction of a joint, as a change of what the joint has by now: none has any for friction below zero.
+    pub fn says_friction(&self, joint: usize, effect: &Effect) -> bool {
+        let sums = self.inner.sums(joint);
+        match *effect {
+            Effect::CoulombFriction { coulomb_nm } => added(sums.coulomb_nm, coulomb_nm) >= 0.0,
+            Effect::ViscousFriction { viscous_nm_s_rad } => {
+                added(sums.viscous_nm_s_rad, viscous_nm_s_rad) >= 0.0
+            }
+            Effect::QuadraticFriction { .. } | Effect::AsymmetricFriction { .. } => {
+                self.simulator == Simulator::Mjcf
+            }
+            _ => false,
+        }
     }
 
     /// The text with everything that could be said.
@@ -205,6 +219,15 @@ fn own_effects(
     let unsaid: Vec<&str> = shared.map(Effect::name).collect();
     note(&robot.name, &unsaid);
     notes
+}
+
+/// A value with its change. What is taken off a value as a whole leaves nothing, whatever the rounding.
+fn added(value: f64, change: f64) -> f64 {
+    if differs(value, -change) {
+        value + change
+    } else {
+        0.0
+    }
 }
 
 /// Whether two values are not the same but for rounding.

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::bodies;
 use super::text::Changes;
-use super::{Outcome, Sums, Takes, changed, differs, short};
+use super::{Outcome, Sums, Takes, added, changed, differs, short};
 use crate::error::RobotError;
 use crate::links::Reshaping;
 use crate::model::{Body, Model};
@@ -102,11 +102,12 @@ impl UrdfFile {
             }
             _ => return Outcome::Cannot(cannot(effect)),
         };
-        if *sum + change < 0.0 {
+        let after = added(*sum, change);
+        if after < 0.0 {
             return Outcome::Cannot(format!("{key} would be below zero"));
         }
-        let told = changed(key, *sum, *sum + change);
-        *sum += change;
+        let told = changed(key, *sum, after);
+        *sum = after;
         let (before, after) = (&self.before[index], &self.after[index]);
         let values = [
             ("damping", before.viscous_nm_s_rad, after.viscous_nm_s_rad),
@@ -228,6 +229,10 @@ impl Takes for UrdfFile {
             &mut self.changes,
         );
         Ok(())
+    }
+
+    fn sums(&self, index: usize) -> &Sums {
+        &self.after[index]
     }
 
     fn text(&self) -> Result<String, RobotError> {

@@ -91,10 +91,8 @@ pub fn apply(
     let (given, out) = (&arguments.robot, &arguments.out);
     let file = SimulatorFile::with_links(&robot, links.as_ref(), given, simulator, out);
     let mut file = file.map_err(CliError::input)?;
-    let mut effects = add_all((&mut file, simulator), report, &|name| {
-        robot.joint_index(name)
-    })
-    .map_err(refuse)?;
+    let mut effects =
+        add_all(&mut file, report, &|name| robot.joint_index(name)).map_err(refuse)?;
     effects.extend(
         links
             .iter()
@@ -140,7 +138,6 @@ pub fn apply(
 /// A file and what became of every effect that was to be added to it.
 struct Adding<'a> {
     file: &'a mut SimulatorFile,
-    simulator: Simulator,
     index: &'a dyn Fn(&str) -> Option<usize>,
     all: Vec<Said>,
 }
@@ -174,14 +171,17 @@ impl Adding<'_> {
         });
     }
 
-    /// A joint's own effects. What corrects Coulomb and viscous friction was fitted beside them: where one of it cannot be said, they are
-    /// written as they are without any.
+    /// A joint's own effects. What corrects Coulomb and viscous friction was fitted beside them: where one of it cannot be said, or one
+    /// of the two would be below zero, they are written as they are without any and with none below zero.
     fn add_joint(&mut self, joint: &JointReport) -> Result<(), String> {
         let name = &joint.joint;
         let effects = effects_of(joint)?;
-        let lacks_one = effects
-            .iter()
-            .any(|(_, effect)| corrects(effect) && !self.simulator.says_friction(effect.kind()));
+        let is_friction = |effect: &Effect| effect.kind().part() == Part::Friction;
+        let index = (self.index)(name);
+        let lacks_one = effects.iter().any(|(_, effect)| {
+            is_friction(effect)
+                && index.is_some_and(|index| !self.file.says_friction(index, effect))
+        });
         let Some(plain) = joint.plain_friction.filter(|_| lacks_one) else {
             for (found, effect) in &effects {
                 self.add(Some(name), effect, found.share);
@@ -195,10 +195,14 @@ impl Adding<'_> {
             let own = effects.iter().filter(|(_, effect)| is_one(effect));
             own.map(|(found, _)| found.share).sum()
         };
-        // what the corrections take, the others take without them, but for this
-        let taken = sum(corrects) + sum(is_plain) - lost;
+        // what the corrections take, the others take without them, but for this; no more than all of it
+        let friction_share = sum(corrects) + sum(is_plain);
         let corrections = effects.iter().filter(|(_, effect)| corrects(effect));
-        let lost_each = lost / corrections.count() as f64;
+        let corrections = corrections.count();
+        let lost = match corrections {
+            0 => 0.0,
+            _ => lost.min(friction_share.max(0.0)),
+        };
         let factor = joint.motor_per_recorded();
         let friction = [
             Effect::CoulombFriction {
@@ -208,16 +212,22 @@ impl Adding<'_> {
                 viscous_nm_s_rad: factor * plain.viscous_nm_s_rad,
             },
         ];
-        for effect in &friction {
-            self.add(Some(name), effect, taken / friction.len() as f64);
+        // what stays as the file has it takes nothing
+        let changed = [plain.coulomb_nm, plain.viscous_nm_s_rad].map(|change| change != 0.0);
+        let changes = changed.iter().filter(|is_one| **is_one).count();
+        for (effect, is_one) in friction.iter().zip(changed) {
+            if is_one {
+                let share = (friction_share - lost) / changes as f64;
+                self.add(Some(name), effect, share);
+            }
         }
         let why = format!(
-            "Coulomb and viscous friction are those that leave least without it, {:.3} Nm rms instead of {:.3} Nm",
+            "Coulomb and viscous friction are those that leave least without it and are not below zero, {:.3} Nm rms instead of {:.3} Nm",
             plain.torque_rms_nm, torque_nm.after
         );
         for (found, effect) in effects.iter().filter(|(_, effect)| !is_plain(effect)) {
             if corrects(effect) {
-                self.leave(name, effect, lost_each, &why);
+                self.leave(name, effect, lost / corrections as f64, &why);
             } else {
                 self.add(Some(name), effect, found.share);
             }
@@ -238,13 +248,12 @@ fn is_plain(effect: &Effect) -> bool {
 
 /// Adds every effect that the report names, those of the whole arm first.
 fn add_all(
-    (file, simulator): (&mut SimulatorFile, Simulator),
+    file: &mut SimulatorFile,
     report: &Report,
     index: &dyn Fn(&str) -> Option<usize>,
 ) -> Result<Vec<Said>, String> {
     let mut adding = Adding {
         file,
-        simulator,
         index,
         all: Vec::new(),
     };
