@@ -178,28 +178,19 @@ fn friction_that_repeats_with_the_motor_is_told() {
 }
 
 #[test]
-fn friction_that_drifts_is_told() {
-    let drifting = |level_nm: &dyn Fn(f64) -> f64| {
-        let joint = told(|at| plain_nm(at) + level_nm(at.time_s) * at.velocity_rad_s.signum());
-        let told = names(&joint);
-        assert_eq!(
-            told,
-            [
-                "coulomb_friction",
-                "thermal_friction_drift",
-                "viscous_friction"
-            ]
-        );
-        joint
-    };
-    let steady = drifting(&|t| -0.01 * t);
-    is(
-        &steady,
-        "thermal_friction_drift",
-        "drift_nm_s",
-        -0.01,
-        0.001,
+fn friction_that_thins_is_told_and_no_other_drift() {
+    let drifting =
+        |nm_s: f64| told(|at| plain_nm(at) + nm_s * at.time_s * at.velocity_rad_s.signum());
+    let joint = drifting(-0.01);
+    assert_eq!(
+        names(&joint),
+        [
+            "coulomb_friction",
+            "thermal_friction_drift",
+            "viscous_friction"
+        ]
     );
-    let warming = drifting(&|t| -0.4 * -(-t / 6.0).exp_m1());
-    is(&warming, "thermal_friction_drift", "change_nm", -0.4, 0.04);
+    is(&joint, "thermal_friction_drift", "drift_nm_s", -0.01, 0.001);
+    let rising = drifting(0.01);
+    assert!(!names(&rising).contains(&"thermal_friction_drift"));
 }

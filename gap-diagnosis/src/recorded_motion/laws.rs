@@ -14,9 +14,9 @@ use crate::evidence::{AMPLITUDE_NATS, ERRORS, Fit, NAME_NATS, Presupposed};
 use crate::report::Parameter;
 use crate::twin::joint::JointModel;
 
-/// Where an exponential law has fallen to a third, as parts of its range: of Stribeck's fall of the usual speed, below which there are no
-/// rows and above which the law is viscous friction's; of a drift of the recording, with a steady one beside them.
-const DECAYS: [f64; 3] = [0.05, 0.15, 0.4];
+/// Speeds of Stribeck's fall, as parts of the usual speed: 0.05 to 0.4, below which there are no rows and above which the law is
+/// viscous friction's.
+const STRIBECK_PARTS: [f64; 3] = [0.05, 0.15, 0.4];
 /// What Coulomb and viscous friction cost less where nobody measured a joint's friction, in nats: every joint rubs, and it is the odds
 /// of a cause nobody expects that a name costs. A law that corrects one of them costs more by what naming that one would cost, where it is
 /// not named: with more, a friction of nothing would be named to save it.
@@ -29,7 +29,7 @@ const FREEDOM_NATS: f64 = 0.5;
 
 /// Up to which a joint creeps.
 pub fn creeping_rad_s(usual_rad_s: f64) -> f64 {
-    DECAYS[0] * usual_rad_s
+    STRIBECK_PARTS[0] * usual_rad_s
 }
 
 /// A law of motion at one joint.
@@ -63,13 +63,8 @@ pub enum Law {
     Ripple(Repeats),
     /// `s` times those.
     PositionDependent(Repeats),
-    /// `s` times what a first-order warming, or a steady one, has reached of what it reaches at the end of the recording.
-    Drift {
-        /// None where it is steady.
-        time_constant_s: Option<f64>,
-        /// End of the longest recording.
-        until_s: f64,
-    },
+    /// `s` times the part of the longest recording, of so many seconds, that is over.
+    Drift(f64),
 }
 
 /// How often something repeats.
@@ -128,7 +123,7 @@ impl Law {
             Self::LinkInertia,
             Self::Spring,
         ];
-        all.extend(DECAYS.map(|part| Self::Stribeck(part * speed_rad_s)));
+        all.extend(STRIBECK_PARTS.map(|part| Self::Stribeck(part * speed_rad_s)));
         if carries {
             all.extend([Self::LoadDependent, Self::TorqueConstant]);
         }
@@ -154,7 +149,7 @@ impl Law {
             Self::Spring => 10,
             Self::Ripple(_) => 11,
             Self::PositionDependent(_) => 12,
-            Self::Drift { .. } => 13,
+            Self::Drift(_) => 13,
         }
     }
 
@@ -170,7 +165,7 @@ impl Law {
             | Self::LinkInertia
             | Self::Ripple(_)
             | Self::PositionDependent(_)
-            | Self::Drift { .. }
+            | Self::Drift(_)
             | Self::Asymmetric => 1.0,
             Self::Quadratic | Self::LoadDependent | Self::Stribeck(_) => 2.0,
         }
@@ -185,7 +180,7 @@ impl Law {
             Self::Asymmetric
             | Self::LoadDependent
             | Self::PositionDependent(_)
-            | Self::Drift { .. } => &[Self::Coulomb],
+            | Self::Drift(_) => &[Self::Coulomb],
             _ => &[],
         }
     }
@@ -223,7 +218,6 @@ impl Law {
     fn among(self) -> usize {
         match self {
             Self::Ripple(of) | Self::PositionDependent(of) => of.among,
-            Self::Drift { .. } => 1 + DECAYS.len(),
             _ => 1,
         }
     }
@@ -274,28 +268,8 @@ impl Law {
             Self::Spring => one(&|k| q(k) - along.mean_rad),
             Self::Ripple(of) => of.waves(along, |_| 1.0),
             Self::PositionDependent(of) => of.waves(along, slip),
-            Self::Drift {
-                time_constant_s,
-                until_s,
-            } => {
-                let reached = |time_s: f64| match time_constant_s {
-                    None => time_s,
-                    Some(constant_s) => -(-time_s / constant_s).exp_m1(),
-                };
-                one(&|k| slip(k) * reached(along.time_s[k]) / reached(until_s))
-            }
+            Self::Drift(until_s) => one(&|k| slip(k) * along.time_s[k] / until_s),
         }
-    }
-
-    /// Drifts that a recording of this length may have.
-    pub fn drifts(until_s: f64) -> impl Iterator<Item = Self> {
-        let constants = DECAYS.iter().map(move |part| Some(part * until_s));
-        constants
-            .chain([None])
-            .map(move |time_constant_s| Self::Drift {
-                time_constant_s,
-                until_s,
-            })
     }
 
     /// Torque of the law at a constant velocity per unit of its first amplitude; none where it is no friction.
@@ -308,7 +282,7 @@ impl Law {
             Self::Stribeck(speed_rad_s) => Some(sign * (-velocity_rad_s.abs() / speed_rad_s).exp()),
             // more one way and less the other
             Self::Asymmetric => Some(1.0),
-            Self::PositionDependent(_) | Self::Drift { .. } => Some(sign),
+            Self::PositionDependent(_) | Self::Drift(_) => Some(sign),
             _ => None,
         }
     }
@@ -317,7 +291,7 @@ impl Law {
     fn least_braking(self, amplitudes: &[f64]) -> f64 {
         match self {
             Self::PositionDependent(_) => -Wave::of(amplitudes).size,
-            Self::Drift { .. } => amplitudes[0].min(0.0),
+            Self::Drift(_) => amplitudes[0].min(0.0),
             _ => amplitudes[0],
         }
     }
@@ -340,6 +314,8 @@ impl Law {
             Self::TorqueConstant => [1.0 / GAIN[1] - 1.0, 1.0 / GAIN[0] - 1.0],
             Self::Inertia => [-(inertia_kg_m2 + model.rotor_inertia_kg_m2), f64::INFINITY],
             Self::LinkInertia => [-inertia_kg_m2, f64::INFINITY],
+            // grease thins as it warms
+            Self::Drift(_) => [f64::NEG_INFINITY, 0.0],
             _ => [f64::NEG_INFINITY, f64::INFINITY],
         }
     }
@@ -413,17 +389,11 @@ impl Law {
                     phase_rad,
                 }
             }
-            Self::Drift {
-                time_constant_s,
-                until_s,
-            } => {
-                let warm = |constant_s: f64| value / -(-until_s / constant_s).exp_m1();
-                Effect::ThermalFrictionDrift {
-                    drift_nm_s: time_constant_s.is_none().then_some(value / until_s),
-                    time_constant_s,
-                    change_nm: time_constant_s.map(warm),
-                }
-            }
+            Self::Drift(until_s) => Effect::ThermalFrictionDrift {
+                drift_nm_s: Some(value / until_s),
+                time_constant_s: None,
+                change_nm: None,
+            },
         }
     }
 
@@ -461,11 +431,7 @@ impl Law {
             Self::Spring => vec![("stiffness_nm_rad", vec![1.0])],
             Self::Ripple(_) => of_wave(told.model.gear_ratio.abs().recip()),
             Self::PositionDependent(_) => of_wave(1.0),
-            Self::Drift {
-                time_constant_s: Some(constant_s),
-                until_s,
-            } => vec![("change_nm", vec![1.0 / -(-until_s / constant_s).exp_m1()])],
-            Self::Drift { until_s, .. } => vec![("drift_nm_s", vec![until_s.recip()])],
+            Self::Drift(until_s) => vec![("drift_nm_s", vec![until_s.recip()])],
         }
     }
 }
@@ -629,7 +595,7 @@ mod tests {
         assert!(is_possible([0.0, 5.0, 3.0], Some(2.0)));
         // a rise is no fall, unless it is how the joint creeps
         assert!(!is_possible([4.0, 0.0, -2.0], Some(0.0)));
-        let slowest = Law::Stribeck(DECAYS[0]);
+        let slowest = Law::Stribeck(STRIBECK_PARTS[0]);
         let creeping = [(0, vec![4.0]), (1, vec![-2.0])];
         let fit = Fit {
             covariance: DMatrix::identity(2, 2) * 1e-4,

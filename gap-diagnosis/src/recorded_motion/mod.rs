@@ -401,11 +401,9 @@ fn matters(said: &[Said], place: usize, materiality: f64) -> bool {
     let shares: Vec<Interval> = told
         .filter_map(|said| said.shared.get(place).copied())
         .collect();
-    let joints = shares.len().max(1) as f64;
-    let mean = shares.iter().map(|share| share.value).sum::<f64>() / joints;
-    // of joints that err each for itself
-    let error = shares.iter().map(|share| (share.value - share.low).powi(2));
-    mean >= materiality && mean > error.sum::<f64>().sqrt() / joints
+    let mean =
+        |of: fn(&Interval) -> f64| shares.iter().map(of).sum::<f64>() / shares.len().max(1) as f64;
+    mean(|share| share.value) >= materiality && mean(|share| share.low) > 0.0
 }
 
 fn joints(robot: &Robot, read: &[Read], pieces: &[Piece]) -> Result<Vec<Joint>, DiagnoseError> {

@@ -269,7 +269,7 @@ impl JointRows {
         let kinds: [Vec<Law>; 3] = [
             ripples.map(Law::Ripple).collect(),
             repeats().map(Law::PositionDependent).collect(),
-            Law::drifts(until_s).collect(),
+            vec![Law::Drift(until_s)],
         ];
         for kind in kinds {
             let mut most = None;
@@ -302,7 +302,9 @@ impl JointRows {
     fn cycles(&self, kept: &[Kept<'_>]) -> Vec<u32> {
         /// Of motors' pole pairs there are some tens, and of their slots.
         const CYCLES_MAX: u32 = 128;
-        let Some(first) = kept.first() else {
+        // a ratio of one is what a file has that states none
+        let first = kept.first();
+        let Some(first) = first.filter(|piece| piece.along.gear_ratio != 1.0) else {
             return Vec::new();
         };
         let turns = |rad: f64| (first.along.gear_ratio * rad / TAU).abs();
