@@ -321,12 +321,14 @@ pub(crate) fn spread(time_s: &mut [f64], rate_hz: Option<f64>) -> Option<Option<
             part.for_each(|row| time_s[row] = at(row, first, mean_s));
             continue;
         }
+        // of a step's end that was not recorded rows are as far apart as in the step beside it
+        let (mut from, mut step_s) = (part.start, usual_s);
         for pair in new.windows(2) {
-            let step_s = row_s(pair[0], pair[1]);
-            (pair[0].0..pair[1].0).for_each(|row| time_s[row] = at(row, pair[0], step_s));
+            step_s = row_s(pair[0], pair[1]);
+            (from..pair[1].0).for_each(|row| time_s[row] = at(row, pair[0], step_s));
+            from = pair[1].0;
         }
-        (part.start..first.0).for_each(|row| time_s[row] = at(row, first, mean_s));
-        (last.0..part.end).for_each(|row| time_s[row] = at(row, last, mean_s));
+        (from..part.end).for_each(|row| time_s[row] = at(row, last, step_s));
     }
     Some(quantile(steps, 0.5))
 }

@@ -157,7 +157,7 @@ fn rows_are_even_between_the_steps_of_a_coarse_clock() {
             motion(time_s)
         )
     });
-    let (recording, guess) = read_guessing(&minutes.path(), None, &robot).unwrap();
+    let (recording, guess) = read_guessing(&minutes.path(), &robot).unwrap();
     assert!((recording.sample_rate_hz / 100.0 - 1.0).abs() < 1e-3);
     assert_eq!(recording.metadata["clock_step_s"], "60");
     // the velocity agrees with the position
@@ -166,7 +166,7 @@ fn rows_are_even_between_the_steps_of_a_coarse_clock() {
         let time_s = 0.01 * f64::from(row);
         format!("{},{}\n", time_s as u32, motion(time_s))
     });
-    let (recording, _) = read_guessing(&seconds.path(), None, &robot).unwrap();
+    let (recording, _) = read_guessing(&seconds.path(), &robot).unwrap();
     assert!((recording.sample_rate_hz / 100.0 - 1.0).abs() < 1e-3);
     assert_eq!(recording.metadata["time_unit_guessed"], "seconds");
     // a minute and its next show no rate
@@ -178,7 +178,7 @@ fn rows_are_even_between_the_steps_of_a_coarse_clock() {
             motion(time_s)
         )
     });
-    let error = read_guessing(&short.path(), None, &robot).unwrap_err();
+    let error = read_guessing(&short.path(), &robot).unwrap_err();
     let told = error.to_string();
     assert!(
         told.contains("sample_rate_hz") && !told.contains('\n'),
@@ -189,7 +189,7 @@ fn rows_are_even_between_the_steps_of_a_coarse_clock() {
         let time_s = 0.01 * f64::from(row / 3);
         format!("{time_s},{}\n", motion(time_s))
     });
-    let (recording, _) = read_guessing(&thrice.path(), None, &robot).unwrap();
+    let (recording, _) = read_guessing(&thrice.path(), &robot).unwrap();
     assert!((recording.sample_rate_hz / 100.0 - 1.0).abs() < 1e-3);
     assert_eq!(recording.time_s[2], 0.0);
 }
@@ -204,7 +204,7 @@ fn a_velocity_tells_the_unit_of_times_that_nothing_else_does() {
         let speed = 0.05 * (0.05 * time_s).cos();
         format!("{time_s},{angle},{speed},1.0\n")
     });
-    let (recording, guess) = read_guessing(&slow.path(), None, &robot).unwrap();
+    let (recording, guess) = read_guessing(&slow.path(), &robot).unwrap();
     assert_eq!(recording.time_s[599], 599.0);
     assert!(
         guess
@@ -217,7 +217,7 @@ fn a_velocity_tells_the_unit_of_times_that_nothing_else_does() {
         let (angle, speed) = swing(time_s);
         format!("{row},{angle},{speed},1.0\n")
     });
-    let (recording, _) = read_guessing(&fast.path(), None, &robot).unwrap();
+    let (recording, _) = read_guessing(&fast.path(), &robot).unwrap();
     assert!((recording.time_s[599] - 0.599).abs() < 1e-12);
 }
 
