@@ -9,15 +9,6 @@ impl Evidence {
     /// Nats by which a set with another item, or with none, would stay behind if `names` were the truth: what `gone`'s part leaves where
     /// `come` takes its place and everything else gives way. Laws that differ by less than they are inexact are not apart.
     pub fn apart(&self, names: Names, gone: usize, come: Option<usize>) -> f64 {
-        let [square, left] = self.left_in_place(names, gone, come);
-        if left < self.inexact_part() * square {
-            return 0.0;
-        }
-        0.5 * self.row_precision() * left
-    }
-
-    /// Sum of squares of an item's part, and what is left of it where another takes its place and everything else gives way.
-    pub(super) fn left_in_place(&self, names: Names, gone: usize, come: Option<usize>) -> [f64; 2] {
         let whole = &self.whole;
         let all = self.places(names);
         let values = whole.values(&all);
@@ -44,7 +35,11 @@ impl Evidence {
             Some(solved) => pull.dot(&solved.solve(&pull)),
             None => 0.0,
         };
-        [square, (square - taken).max(0.0)]
+        let left = (square - taken).max(0.0);
+        if left < self.inexact_part() * square {
+            return 0.0;
+        }
+        0.5 * self.row_precision() * left
     }
 
     /// Part of what one item explains of a few waves that another would leave of it there; none if that one shows mostly elsewhere. Waves are

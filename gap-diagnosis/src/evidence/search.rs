@@ -1,6 +1,6 @@
 //! Which sets of names are tried, and which of them can be.
 
-use super::{DEVIATIONS, Evidence, Fit, INEXACT, NAME_NATS, Names, Scored};
+use super::{Evidence, Fit, INEXACT, NAME_NATS, Names, Scored};
 
 /// Names of one joint at most.
 const NAMES_MAX: usize = 4;
@@ -35,9 +35,8 @@ impl Evidence {
         all
     }
 
-    /// Whether each name of a set takes more of some signal, beside the others and the file's values as they are with all of them, than no
-    /// law is exact by: what is less is how the others' laws are off. Of what every joint may have that is a part of what these take
-    /// together, so that much of something else leaves them; where the score holds no law for exact, it has seen to them.
+    /// Whether each name of a set, but for what every joint may have, takes more of some signal, beside the others and the file's values as
+    /// they are with all of them, than no law is exact by: what is less is how the others' laws are off.
     fn are_felt(&self, names: Names) -> bool {
         let beside = self.values_beside(names);
         let left = |names: Names| {
@@ -56,54 +55,15 @@ impl Evidence {
             .zip(gap)
             .map(|(a, b)| a.min(b))
             .collect();
-        let usual = names & self.usual;
-        let but_usual = if self.inexact > 0.0 || usual.count_ones() < 2 {
-            None
-        } else {
-            Some(left(names & !usual))
-        };
-        let mut each = (0..self.kinds.len()).filter(|index| names & 1 << index != 0);
+        let seldom = names & !self.usual;
+        let mut each = (0..self.kinds.len()).filter(|index| seldom & 1 << index != 0);
         each.all(|index| {
-            let before = match (usual & 1 << index != 0, &but_usual) {
-                (false, _) => &nothing,
-                (true, Some(but_usual)) => but_usual,
-                (true, None) => return true,
-            };
             let without = left(names & !(1 << index));
-            let mut signals = without.iter().zip(before).zip(&all);
-            signals.any(|((without, before), all)| {
-                without - all > INEXACT.powi(2) * (before - all).max(0.0)
+            let mut signals = without.iter().zip(&nothing).zip(&all);
+            signals.any(|((without, nothing), all)| {
+                without - all > INEXACT.powi(2) * (nothing - all).max(0.0)
             })
         })
-    }
-
-    /// Gives sets in which one name that every joint may have stands for another the best set's score, but for what they cost, where the two
-    /// differ by less than no law is exact by: what a fit tells of them is how the law is off. Where the score holds no law for exact, it
-    /// has seen to that.
-    fn add_alike(&self, kept: &mut Vec<Scored>, is_possible: impl Fn(&Fit) -> bool) {
-        let best = kept[0];
-        if self.inexact > 0.0 {
-            return;
-        }
-        let usual = |is_in: bool| {
-            let own = if is_in { best.names } else { !best.names } & self.usual;
-            (0..self.kinds.len()).filter(move |index| own & 1 << index != 0)
-        };
-        for gone in usual(true) {
-            for come in usual(false) {
-                let names = best.names & !(1 << gone) | 1 << come;
-                let [square, left] = self.left_in_place(best.names, gone, Some(come));
-                let is_alike = left < (DEVIATIONS * INEXACT).powi(2) * square;
-                if is_alike && is_possible(&self.fit(names)) && self.are_felt(names) {
-                    kept.retain(|set| set.names != names);
-                    kept.push(Scored {
-                        score: best.score + self.cost(best.names) - self.cost(names),
-                        ..self.scored(names)
-                    });
-                }
-            }
-        }
-        kept.sort_by(|a, b| b.score.total_cmp(&a.score));
     }
 
     /// All sets that `is_possible` that are not far behind the best: first what is told, then the best first. There is always one: no name.
@@ -126,7 +86,6 @@ impl Evidence {
                 kept.push(scored);
             }
         }
-        self.add_alike(&mut kept, &is_possible);
         let best = kept[0].score;
         let weight = |set: &Scored| (set.score - best).exp();
         let all: f64 = kept.iter().map(weight).sum();
