@@ -342,7 +342,7 @@ fn links_that_weigh_other_than_the_file_says_are_written_into_their_tables() {
     // what the file says hangs on the link, or is fixed to it, is part of what was told
     let hung = ROBOT
         .replace("name = \"bench\"", "name = \"bench\"\nshared_effects = [{ effect = \"payload\", mass_kg = 1, centre_m = [0, 0.1, 0.4] }]")
-        .replace("effects = [", "effects = [\n  { effect = \"link_inertia\", inertia_kg_m2 = 0.03 },")
+        .replace("\neffects = [", "\neffects = [\n  { effect = \"link_inertia\", inertia_kg_m2 = 0.03 },")
         + "[[link]]\njoint = \"finger\"\nkind = \"prismatic\"\norigin_m = [0.0, 0.0, 0.5]\naxis = [1.0, 0.0, 0.0]\nmass_kg = 0.1\n\
            centre_of_mass_m = [0.0, 0.0, 0.0]\ninertia_kg_m2 = { xx = 1e-4, yy = 1e-4, zz = 1e-4 }\n[[joint]]\nname = \"finger\"\n";
     let mended = with_links(&hung, &built(&hung), &report, None).unwrap();
