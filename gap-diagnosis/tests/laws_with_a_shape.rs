@@ -13,8 +13,8 @@ use robot::{Robot, RobotFile, Source};
 const RATIO: f64 = 6.0;
 const INERTIA_KG_M2: f64 = 0.025 + 2.0 * 0.25 * 0.25;
 
-/// A pendulum of 2 kg at 0.25 m behind a gear of 6:1, of which the file knows no friction.
-fn robot() -> Robot {
+/// A pendulum of 2 kg at 0.25 m behind a gear of 6:1, of which the file knows no friction but these effects.
+fn robot(effects: &str) -> Robot {
     let text = format!(
         r#"
         name = "pendulum"
@@ -28,6 +28,7 @@ fn robot() -> Robot {
         name = "shoulder"
         gear_ratio = {RATIO:?}
         rotor_inertia_kg_m2 = 0.0
+        effects = [{effects}]
         "#
     );
     let file = RobotFile::parse(&text, "pendulum.toml").unwrap();
@@ -44,6 +45,11 @@ struct At {
 
 /// What is told of 40 s of a slow motion with this friction and more, joint side.
 fn told(friction_nm: impl Fn(&At) -> f64) -> JointReport {
+    told_of("", friction_nm)
+}
+
+/// The same of a robot file with effects.
+fn told_of(effects: &str, friction_nm: impl Fn(&At) -> f64) -> JointReport {
     const RATE_HZ: f64 = 500.0;
     let waves = [(0.5, 0.5, 0.3), (0.2, 1.1, 1.0), (0.15, 1.7, 2.0)];
     let sum = |of: &dyn Fn(f64, f64, f64) -> f64| -> f64 {
@@ -90,7 +96,7 @@ fn told(friction_nm: impl Fn(&At) -> f64) -> JointReport {
         truncated: false,
     };
     let all = [("log".to_owned(), recording)];
-    let diagnosis = diagnose(&robot(), &all, &Options::default(), &|_| {}).unwrap();
+    let diagnosis = diagnose(&robot(effects), &all, &Options::default(), &|_| {}).unwrap();
     let [joint] = &diagnosis.report.joints[..] else {
         panic!("one joint")
     };
@@ -193,4 +199,21 @@ fn friction_that_thins_is_told_and_no_other_drift() {
     is(&joint, "thermal_friction_drift", "drift_nm_s", -0.01, 0.001);
     let rising = drifting(0.01);
     assert!(!names(&rising).contains(&"thermal_friction_drift"));
+}
+
+#[test]
+fn what_the_file_has_is_not_told_again() {
+    let joint = told_of(
+        "{ effect = \"coulomb_friction\", coulomb_nm = 1.0 },
+         { effect = \"viscous_friction\", viscous_nm_s_rad = 0.8 },
+         { effect = \"torque_ripple\", amplitude_nm = 0.05, cycles_per_motor_rev = 21, phase_rad = 0.4 },
+         { effect = \"position_dependent_friction\", amplitude_nm = 0.3, cycles_per_motor_rev = 7, phase_rad = -1.0 },
+         { effect = \"thermal_friction_drift\", drift_nm_s = -0.01 }",
+        |at| {
+            let angle_rad = RATIO * at.position_rad;
+            let level_nm = 0.3 * (7.0 * angle_rad - 1.0).sin() - 0.01 * at.time_s;
+            plain_nm(at) - RATIO * 0.05 * (21.0 * angle_rad + 0.4).sin() + level_nm * at.velocity_rad_s.signum()
+        },
+    );
+    assert!(names(&joint).is_empty(), "{:?}", names(&joint));
 }

@@ -388,8 +388,11 @@ impl Drive {
                 motor_position_rad: motor_rad,
                 ..Sliding::at(v)
             };
-            let mut torque_nm =
-                load_nm + friction.level_nm(&at) * slip[k] + friction.fluid_drag_nm(v);
+            let drift = model.drift.as_ref();
+            let warmed_nm = drift.map_or(0.0, |drift| drift.change_nm(motion.time_s[k]));
+            let mut torque_nm = load_nm
+                + (friction.level_nm(&at) + warmed_nm) * slip[k]
+                + friction.fluid_drag_nm(v);
             if self.feels_rotor {
                 torque_nm += model.rotor_inertia_kg_m2 * a;
                 torque_nm -= model.torque_offset_nm;

@@ -80,8 +80,6 @@ pub struct Repeats {
 pub struct Along<'a> {
     /// The joint's motion.
     pub motion: &'a JointMotion,
-    /// Each row's time since its recording began.
-    pub time_s: Vec<f64>,
     /// Turns of the motor per turn of the joint.
     pub gear_ratio: f64,
     /// Torque that is in proportion to a torque constant.
@@ -268,7 +266,7 @@ impl Law {
             Self::Spring => one(&|k| q(k) - along.mean_rad),
             Self::Ripple(of) => of.waves(along, |_| 1.0),
             Self::PositionDependent(of) => of.waves(along, slip),
-            Self::Drift(until_s) => one(&|k| slip(k) * along.time_s[k] / until_s),
+            Self::Drift(until_s) => one(&|k| slip(k) * along.motion.time_s[k] / until_s),
         }
     }
 

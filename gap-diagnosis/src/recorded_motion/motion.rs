@@ -23,6 +23,8 @@ pub const END_S: f64 = 0.3;
 /// One joint's motion and torque, joint side.
 #[derive(Clone, Debug, Default)]
 pub struct JointMotion {
+    /// Time since the recording began.
+    pub time_s: Vec<f64>,
     /// Angle, without what is faster than any motion.
     pub position_rad: Vec<f64>,
     /// Its rate.
@@ -141,11 +143,16 @@ fn piece(
         .enumerate()
         .on_all_cores(|(index, read)| joint(robot, index, recording, *read, grid, every))
         .collect::<Result<Vec<_>, StretchError>>()?;
-    Ok(Piece {
+    let mut piece = Piece {
         rate_hz: rate_hz / every as f64,
         start_s,
         joints,
-    })
+    };
+    let time_s: Vec<f64> = (0..piece.rows()).map(|row| piece.time_s(row)).collect();
+    for joint in &mut piece.joints {
+        joint.time_s.clone_from(&time_s);
+    }
+    Ok(piece)
 }
 
 fn joint(
@@ -227,6 +234,8 @@ fn joint(
     let velocity_rad_s = derivative(&smooth_rad, 1.0 / rate_hz);
     let moving = is_moving(&raw_rad, &velocity_rad_s, step_rad, rate_hz);
     Ok(JointMotion {
+        // the piece's
+        time_s: Vec::new(),
         noise_nm: noise_nm.unwrap_or(0.0),
         step_rad: step_rad.map(|step_rad| step_rad / scale.abs()),
         recorded_hz: rate_hz,

@@ -416,7 +416,6 @@ impl JointRows {
         let slip = self.presliding[0].slip(motion);
         Along {
             motion,
-            time_s: (0..slip.len()).map(|row| piece.time_s(row)).collect(),
             gear_ratio: drive.model().gear_ratio,
             in_proportion_nm: drive.in_proportion_nm(motion, &slip, rigid_nm),
             load_nm: rigid_nm,
