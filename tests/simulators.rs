@@ -205,7 +205,7 @@ fn friction_below_zero_is_not_written_by_halves() {
         ("coulomb_friction", "coulomb_nm", 3.0, 0.9),
         ("viscous_friction", "viscous_nm_s_rad", -0.5, 0.05),
     ];
-    report(&bench, &effects, 0.1);
+    report(&bench, &effects, 0.05);
     let mut with_plain = json(&bench, "report.json");
     with_plain["joints"][0]["plain_friction"] = serde_json::json!({
         "coulomb_nm": 2.4, "viscous_nm_s_rad": 0.0, "torque_rms_nm": 0.2
