@@ -725,26 +725,4 @@ mod tests {
         assert_eq!(held, [alone, 0.0]);
         assert!((left - of.mean_squares(1)[0]).abs() < 1e-9 * left);
     }
-
-    #[test]
-    fn friction_at_one_speed_has_one_name() {
-        // the speed is even to a hundredth, and what the friction is off by happens to go with it
-        let [speed, noise] = [noise(1), noise(2)];
-        let coulomb = vec![1.0; ROWS];
-        let viscous: Vec<f64> = speed.iter().map(|x| 0.1 + 1e-3 * x).collect();
-        let gap_nm: Vec<f64> = (0..ROWS)
-            .map(|k| 5.0 + 0.2 * speed[k] + 0.05 * noise[k])
-            .collect();
-        let columns = [[coulomb], [viscous]];
-        let mut items = [item(0, &columns[0]), item(1, &columns[1])];
-        items.iter_mut().for_each(|item| item.is_usual = true);
-        let spans = [span(0..ROWS, 0.0)];
-        let of = evidence(&gap_nm, &spans, &items, &[]);
-        let sets = of.best(|_| true);
-        assert!(sets.iter().all(|set| set.names != 3));
-        // which one nothing tells
-        assert_eq!(sets[0].score, sets[1].score);
-        let names = sets[0].names | sets[1].names;
-        assert_eq!((names, sets[0].names.count_ones()), (3, 1));
-    }
 }
