@@ -103,7 +103,7 @@ fn told_of(effects: &str, friction_nm: impl Fn(&At) -> f64) -> JointReport {
     joint.clone()
 }
 
-/// Friction of 1 Nm and 0.8 Nm s/rad that bends within 0.1 mrad, nearly as the sign of the velocity.
+/// Friction of 1 Nm and 0.8 Nm s/rad that turns round within a few mrad/s, nearly as the sign of the velocity.
 fn plain_nm(at: &At) -> f64 {
     (at.velocity_rad_s / 1e-3).tanh() + 0.8 * at.velocity_rad_s
 }
