@@ -12,9 +12,11 @@ mod links;
 mod motion;
 mod presliding;
 mod rows;
+mod shapes;
 mod shared;
 mod sign;
 mod signals;
+mod turning;
 mod usable;
 
 use std::borrow::Cow;

@@ -1,33 +1,24 @@
 //! One joint's compared rows: the torque that the robot file does not need, and all columns that may explain it, in one band.
 
-use std::f64::consts::TAU;
-
 use joint_model::filter::FilterError;
 use joint_model::rigid_body::JointKind;
-use nalgebra::{DMatrix, SMatrix, SVector};
 use robot::Robot;
 
 use super::dynamics::{ArmColumn, Drive, Torques, that_count, tip_weights};
-use super::laws::{self, Along, Law, Repeats};
+use super::laws::{Along, Law};
 use super::motion::{JointMotion, Piece};
 use super::presliding::{self, Presliding};
+use super::turning::{bent, clock};
 use crate::evidence::rows::Rows;
 use crate::evidence::told::MATERIALITY;
-use crate::evidence::{ALIKE, independent_rows};
 use crate::report::TorqueSource;
 use crate::signal::band::{Band, MOTION_HZ};
-use crate::signal::beside::Beside;
-use crate::signal::smooth::derivative;
-use crate::signal::waves::PERIODS_MIN;
 use crate::twin::known::PART_MIN;
 
 /// Compared rows of a joint at most: twenty times as many as are independent on the longest of eight real logs.
 const ROWS_MAX: usize = 3000;
 /// Part of its speed that a joint usually does not exceed.
 const USUAL: f64 = 0.95;
-/// Standard deviation of the time by which torque and position may be apart beside a sample, in seconds: filters of usual drives and
-/// torque sensors delay by 1 to 3 ms. No file tells it, and it is no effect.
-const CLOCK_S: f64 = 2e-3;
 
 /// Rows of one joint, all of one length.
 #[derive(Clone, Debug, Default)]
@@ -75,15 +66,15 @@ pub struct JointRows {
 }
 
 /// What one piece gives to a joint's rows.
-struct Kept<'a> {
-    piece: &'a Piece,
+pub(super) struct Kept<'a> {
+    pub piece: &'a Piece,
     band: Band,
     rows: Vec<usize>,
-    along: Along<'a>,
+    pub along: Along<'a>,
 }
 
 impl Kept<'_> {
-    fn limited(&self, column: &[f64]) -> Result<Vec<f64>, FilterError> {
+    pub fn limited(&self, column: &[f64]) -> Result<Vec<f64>, FilterError> {
         let smooth = self.band.limit(column)?;
         Ok(self.raw(&smooth))
     }
@@ -238,89 +229,6 @@ impl JointRows {
         if apart < least || link < least {
             self.laws.retain(|(law, _)| *law != Law::LinkInertia);
         }
-    }
-
-    /// Adds those laws whose shape the rows tell, one of each kind: a ripple of the motor's torque, friction that repeats with the motor's
-    /// angle, and one that drifts. Which is what takes most of what all else leaves; it is added if that may be worth its name.
-    fn offer(&mut self, source: TorqueSource, kept: &[Kept<'_>]) -> Result<(), FilterError> {
-        let gap_nm = self.seen.gap_nm();
-        let laws = self.laws.iter().flat_map(|(_, columns)| columns);
-        let beside = [&self.tolerated, &self.links, &self.untold];
-        // as free as they may be
-        let known = laws.chain(beside.into_iter().flatten()).map(|column| {
-            let square: f64 = column.iter().map(|x| x * x).sum();
-            let scale = (ALIKE * square).sqrt().max(f64::MIN_POSITIVE).recip();
-            column.iter().map(|x| scale * x).collect()
-        });
-        let left = Beside::new(&known.collect::<Vec<Vec<f64>>>(), &gap_nm);
-        let square: f64 = left.left().iter().map(|x| x * x).sum();
-        let independent = independent_rows(left.left());
-        let until_s = self.seen.time_s.iter().copied().fold(0.0, f64::max);
-        let cycles = self.cycles(kept);
-        let repeats = || {
-            let among = cycles.len();
-            cycles.iter().map(move |cycles| Repeats {
-                cycles: *cycles,
-                among,
-            })
-        };
-        // what a motor makes does not reach a sensor behind the gear as it is
-        let ripples = repeats().filter(|_| source != TorqueSource::Sensor);
-        let kinds: [Vec<Law>; 3] = [
-            ripples.map(Law::Ripple).collect(),
-            repeats().map(Law::PositionDependent).collect(),
-            vec![Law::Drift(until_s)],
-        ];
-        for kind in kinds {
-            let mut most = None;
-            for law in kind {
-                let mut columns = vec![Vec::new(); law.amplitudes()];
-                for piece in kept {
-                    for (column, added) in columns.iter_mut().zip(law.columns(&piece.along)) {
-                        column.extend(piece.limited(&added)?);
-                    }
-                }
-                let mut pair = columns.concat();
-                pair.resize(2 * gap_nm.len(), 0.0);
-                let gain = left.gains(&DMatrix::from_vec(gap_nm.len(), 2, pair))[0];
-                if most.as_ref().is_none_or(|(best, _)| gain > *best) {
-                    most = Some((gain, (law, columns)));
-                }
-            }
-            let Some((gain, (law, columns))) = most else {
-                continue;
-            };
-            let nats = -0.5 * independent * (1.0 - gain / square).max(f64::MIN_POSITIVE).ln();
-            if nats > law.cost(false) {
-                self.laws.push((law, columns));
-            }
-        }
-        Ok(())
-    }
-
-    /// Cycles per turn of the motor that repeat often enough within the motion, and at half of the speeds within the band.
-    fn cycles(&self, kept: &[Kept<'_>]) -> Vec<u32> {
-        /// Of motors' pole pairs there are some tens, and of their slots.
-        const CYCLES_MAX: u32 = 128;
-        // a ratio of one is what a file has that states none
-        let first = kept.first();
-        let Some(first) = first.filter(|piece| piece.along.gear_ratio != 1.0) else {
-            return Vec::new();
-        };
-        let turns = |rad: f64| (first.along.gear_ratio * rad / TAU).abs();
-        let position = self.seen.position_rad.iter();
-        let [low, high] = position.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], q| {
-            [low.min(*q), high.max(*q)]
-        });
-        let mut speeds: Vec<f64> = self.seen.velocity_rad_s.iter().map(|v| v.abs()).collect();
-        speeds.sort_by(f64::total_cmp);
-        let turns_s = turns(speeds.get(speeds.len() / 2).copied().unwrap_or(0.0));
-        let within = |cycles: &u32| {
-            let cycles = f64::from(*cycles);
-            cycles * turns(high - low) >= PERIODS_MIN
-                && cycles * turns_s <= first.piece.compared_hz()
-        };
-        (1..=CYCLES_MAX).filter(within).collect()
     }
 
     /// The same with the torque in this unit, as if the file needed none.
@@ -500,124 +408,6 @@ fn turned_earlier(slip: &[f64], piece: &Piece) -> Vec<f64> {
     (0..slip.len())
         .map(|row| slip[(row + rows).min(last)])
         .collect()
-}
-
-/// How a torque changes by a standard deviation of its samples' time.
-fn clock(torque_nm: &[f64], piece: &Piece, motion: &JointMotion) -> Vec<f64> {
-    let apart_s = CLOCK_S.hypot(1.0 / motion.recorded_hz);
-    let rate = derivative(torque_nm, 1.0 / piece.rate_hz);
-    rate.iter().map(|rate| apart_s * rate).collect()
-}
-
-/// What is found first of a joint.
-struct Bent {
-    bend: [Presliding; 3],
-    /// Sum of squares that is left.
-    left: f64,
-    /// Dry friction beyond the file's.
-    dry_nm: f64,
-    /// What a unit of the torque is, by what masses and friction need.
-    unit_nm: f64,
-}
-
-/// The way friction turns round that leaves least of a joint's torque beside Coulomb and viscous friction, an offset, inertia, a gain,
-/// and what the clocks may be apart.
-fn bent(
-    drive: &Drive,
-    joint: usize,
-    pieces: &[Piece],
-    torques: &[Torques],
-    counted: &[Vec<usize>],
-    speed_rad_s: f64,
-    feeds_rate: bool,
-) -> Result<Bent, FilterError> {
-    /// Rows of a piece that are looked at.
-    const ROWS: usize = 2000;
-    // what does not depend on the bend
-    struct Still<'a> {
-        motion: &'a JointMotion,
-        rigid_nm: &'a [f64],
-        band: Band,
-        rows: Vec<usize>,
-        torque_nm: Vec<f64>,
-        limited: [Vec<f64>; 3],
-    }
-    let mut still = Vec::new();
-    for ((piece, torques), counted) in pieces.iter().zip(torques).zip(counted) {
-        let motion = &piece.joints[joint];
-        let Some(torque_nm) = motion.torque_nm(feeds_rate) else {
-            continue;
-        };
-        let band = Band::of(piece.rate_hz, piece.compared_hz());
-        let smooth_nm = band.limit(&torque_nm)?;
-        let limited = [
-            band.limit(&motion.velocity_rad_s)?,
-            band.limit(&motion.acceleration_rad_s2)?,
-            clock(&smooth_nm, piece, motion),
-        ];
-        let every = counted.len().div_ceil(ROWS).max(1);
-        still.push(Still {
-            motion,
-            rigid_nm: &torques.rigid_nm[joint],
-            band,
-            rows: counted.iter().copied().step_by(every).collect(),
-            torque_nm: torque_nm.into_owned(),
-            limited,
-        });
-    }
-    let [mut dry_nm, mut unit_nm] = [0.0, 1.0];
-    let mut least = f64::INFINITY;
-    let all = presliding::least(laws::creeping_rad_s(speed_rad_s), |bend| {
-        let mut gram = SMatrix::<f64, 6, 6>::identity() * f64::MIN_POSITIVE;
-        let mut vector = SVector::<f64, 6>::zeros();
-        let mut square = 0.0;
-        for still in &still {
-            let slip = bend.slip(still.motion);
-            let nominal_nm = drive.torque_nm(still.motion, &slip, still.rigid_nm);
-            let in_proportion_nm = drive.in_proportion_nm(still.motion, &slip, still.rigid_nm);
-            let both = still.torque_nm.iter().zip(&nominal_nm);
-            let gap_nm: Vec<f64> = both.map(|(torque, nominal)| torque - nominal).collect();
-            let gap_nm = still.band.limit(&gap_nm)?;
-            let slip = still.band.limit(&slip)?;
-            let in_proportion_nm = still.band.limit(&in_proportion_nm)?;
-            let [velocity, acceleration, clock] = &still.limited;
-            for row in still.rows.iter().copied() {
-                let x = SVector::from([
-                    slip[row],
-                    velocity[row],
-                    1.0,
-                    clock[row],
-                    acceleration[row],
-                    in_proportion_nm[row],
-                ]);
-                gram += x * x.transpose();
-                vector += x * gap_nm[row];
-                square += gap_nm[row].powi(2);
-            }
-        }
-        // where the joint moves one way alone friction is an offset: half of each
-        let alike = gram.diagonal() * ALIKE;
-        let Some(solved) = (gram + SMatrix::from_diagonal(&alike)).cholesky() else {
-            return Ok(square);
-        };
-        let values = solved.solve(&vector);
-        let left = square - vector.dot(&values);
-        if left < least {
-            least = left;
-            dry_nm = values[0].abs();
-            unit_nm = (1.0 + values[5]).recip();
-        }
-        Ok(left)
-    })?;
-    let [(best, left), (second, _), (third, _)] = all;
-    let is_by_speed = matches!(second, Presliding::BySpeed { .. });
-    let other = if is_by_speed { third } else { second };
-    Ok(Bent {
-        bend: [best, other, best.longer()],
-        left,
-        dry_nm,
-        unit_nm,
-    })
 }
 
 fn of_arm(
