@@ -11,7 +11,7 @@ use super::motion::{JointMotion, Piece};
 use crate::evidence::arm::{LINKS_WRONG, OF_LINK};
 use crate::report::TorqueSource;
 use crate::twin::joint::JointModel;
-use crate::twin::known::{self, Every, Known, KnownValue, PART_MIN};
+use crate::twin::known::{self, Every, KnownValue, PART_MIN};
 
 /// How the torque of every joint changes with something of the whole arm.
 #[derive(Clone, Debug)]
@@ -314,12 +314,9 @@ impl Drive {
     /// Of a joint whose torque is seen there.
     pub fn of(robot: &Robot, joint: usize, source: TorqueSource) -> Self {
         let model = JointModel::nominal(robot, joint);
-        // how friction turns round is found from the rows
-        let mut known = known::of_joint(&model, &robot.tolerance, Every::default());
-        known.retain(|value| !matches!(value.known, Known::Creep(_)));
         Self {
+            known: known::of_joint(&model, &robot.tolerance, Every::default()),
             model,
-            known,
             feels_rotor: source != TorqueSource::Sensor,
             friction_is_a_simulators: robot.joints[joint].friction_is_a_simulators,
         }

@@ -46,8 +46,6 @@ pub struct JointModel {
     pub soft_windup: Option<(f64, f64)>,
     /// Rate-independent loop.
     pub hysteresis: Option<TorsionalHysteresis>,
-    /// What every gear loses as it twists, beside.
-    pub gear_damping_nm_s_rad: f64,
     /// Loss with torsion rate.
     pub structural_damping: Option<StructuralDamping>,
     /// Lost motion.
@@ -110,7 +108,6 @@ impl JointModel {
             stiffness_is_known: false,
             soft_windup: None,
             hysteresis: None,
-            gear_damping_nm_s_rad: 0.0,
             structural_damping: None,
             backlash: Backlash::default(),
             kinematic_harmonics: Vec::new(),

@@ -20,9 +20,8 @@ const LINK_STEP: f64 = 0.1;
 /// How far the corners of a published table may be rounded off.
 const ROUNDING_NM: f64 = 1.0;
 /// In creeping motion friction is less than its law says: by about this part, below about this speed. First of joints whose bristles
-/// have not all bent; then of those that drag as they begin to move, as an oil's film does and the smoothed sign of a simulator:
-/// nothing of their friction is there at rest.
-const CREEPS: [(f64, f64); 2] = [(0.15, 0.015), (1.0, 0.003)];
+/// have not all bent; then of those that drag as they begin to move, as an oil's film does and the smoothed sign of a simulator.
+const CREEPS: [(f64, f64); 2] = [(0.15, 0.015), (0.3, 0.003)];
 /// Friction that bristles carry follows a wavy level otherwise than a law does: part of the level's amplitude, 0.10 to 0.13 on
 /// development robots, and how many harmonics are looked at.
 const WAVINESS_PART: f64 = 0.06;
@@ -34,12 +33,8 @@ const SKEW_PART: f64 = 0.5;
 const ZERO_RAD: f64 = 1e-3;
 /// A value that no joint is without is no less than this part of the file's.
 const NEEDED_PART: f64 = 0.1;
-/// Of critical damping, what a gear loses: structures of bolted steel lose 4 % to 7 % (Regulatory Guide 1.61, US Nuclear Regulatory
-/// Commission, 1973), and no robot file tells it.
-const DAMPING: f64 = 0.04;
-/// Natural logarithm of the factor by which a presliding length may be off: one standard deviation where all lengths from 10 µrad to
-/// 10 mrad are as likely.
-const PRESLIDING_LN: f64 = 2.0;
+/// Natural logarithm of the factor by which a presliding length may be off.
+const PRESLIDING_LN: f64 = 1.0;
 /// No law of friction, gear or drive is truer than this part of its values, however well it is fitted.
 pub const LAW: f64 = 0.03;
 /// Steps in which the inertia that a link can spare is found.
@@ -71,8 +66,6 @@ pub enum Known {
     Instant,
     /// Zero of the link's encoder less that of the motor's.
     Zero,
-    /// What a gear loses as it twists.
-    Damping,
 }
 
 impl Known {
@@ -176,10 +169,7 @@ pub struct KnownValue {
 impl KnownValue {
     /// Whether it cannot be negative.
     pub fn is_positive(&self) -> bool {
-        matches!(
-            self.known,
-            Known::Rounding | Known::Creep(_) | Known::Damping
-        )
+        matches!(self.known, Known::Rounding | Known::Creep(_))
     }
 
     /// Changes the model by so many standard deviations.
@@ -223,7 +213,6 @@ impl KnownValue {
             Known::Skew => model.link_skew_s += change,
             Known::Instant => model.command_delay_s += change,
             Known::Zero => model.link_zero_rad += change,
-            Known::Damping => model.gear_damping_nm_s_rad += change.max(0.0),
             Known::Mass(_) | Known::Centre(..) | Known::Inertia(_) => {}
         }
     }
@@ -264,12 +253,6 @@ pub fn of_joint(model: &JointModel, tolerance: &Tolerance, every: Every) -> Vec<
         let has_room = friction.stribeck.remaining_capacity() >= CREEPS.len();
         if friction_nm > 0.0 && has_room {
             beside(Known::Creep(way), part * friction_nm);
-        }
-    }
-    if model.stiffness_is_known && model.structural_damping.is_none() {
-        let critical_nm_s_rad = 2.0 * (model.stiffness_nm_rad * model.rotor_inertia_kg_m2).sqrt();
-        if critical_nm_s_rad > 0.0 {
-            beside(Known::Damping, DAMPING * critical_nm_s_rad);
         }
     }
     if friction.load_torque.is_some() {
@@ -413,32 +396,6 @@ mod tests {
             assert_eq!(level_nm(-1.0, 0.0), level_nm(0.0, 0.0));
             assert_eq!(level_nm(20.0, 0.0), nominal.friction.least_nm);
         }
-    }
-
-    #[test]
-    fn a_gear_whose_stiffness_is_told_loses_as_much_as_bolted_steel() {
-        let robot = robot::load("shd17").unwrap();
-        let mut model = JointModel::nominal(&robot, 0);
-        let find = |model: &JointModel| {
-            let all = of_joint(model, &robot.tolerance, Every::default());
-            let mut all = all.into_iter();
-            all.find(|value| value.known == Known::Damping)
-        };
-        model.structural_damping = None;
-        model.stiffness_is_known = false;
-        assert_eq!(find(&model), None);
-        model.stiffness_is_known = true;
-        let value = find(&model).unwrap();
-        // a swing of this joint's rotor on its gear loses 4 % of what is critical, and never gains
-        for (deviations, part) in [(1.0, DAMPING), (2.0, 2.0 * DAMPING), (-1.0, 0.0)] {
-            let mut damped = model.clone();
-            value.apply(&mut damped, deviations);
-            let natural_rad_s = (model.stiffness_nm_rad / model.rotor_inertia_kg_m2).sqrt();
-            let ratio =
-                0.5 * damped.gear_damping_nm_s_rad / (model.rotor_inertia_kg_m2 * natural_rad_s);
-            assert!((ratio - part).abs() < 1e-9, "{ratio}");
-        }
-        assert!(value.is_positive());
     }
 
     #[test]

@@ -51,9 +51,10 @@ pub fn series(rows: &[Row]) -> Vec<Range<usize>> {
     found
 }
 
-/// How much less a row near a reversal counts, as near as the low-pass spreads it twice: by so many times the deviation elsewhere, beside
-/// what the bend and the creep of friction are off by. Of 0, 5 and 15 on 306 development cases of a simulator that is not ours.
-const REVERSAL: f64 = 5.0;
+/// How much less a row near a reversal counts, as near as the low-pass spreads it twice: by so many times the deviation elsewhere. Friction
+/// before it slips is what twin and robot share least. With 5, 81 and not 76 of 104 effects of a simulator that is not ours are told
+/// rightly, and of a real servo nothing whose friction grows with its load.
+const REVERSAL: f64 = 15.0;
 /// Of the torque that accelerates the joint, the twin is off by this part: sensors and twin are not at the same instant.
 const INERTIAL: f64 = 0.02;
 /// Of the difference that softer gears of links make that no encoder shows, so many times may be wrong: their damping is not known
@@ -330,6 +331,6 @@ mod tests {
         };
         let middle = |slow_rad_s: f64| Whitener::new(&rows(slow_rad_s), floor).weight(150);
         assert!(middle(0.02) > 0.99, "{}", middle(0.02));
-        assert!(middle(0.001) < 0.2, "{}", middle(0.001));
+        assert!(middle(0.001) < 0.1, "{}", middle(0.001));
     }
 }

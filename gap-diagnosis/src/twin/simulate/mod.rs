@@ -508,8 +508,7 @@ impl State {
         let rate_rad_s = lever * self.motor_rad_s - self.link_rad_s;
         let damping = model
             .structural_damping
-            .map_or(0.0, |damping| damping.coefficient_nm_s_rad(rate_rad_s))
-            + model.gear_damping_nm_s_rad;
+            .map_or(0.0, |damping| damping.coefficient_nm_s_rad(rate_rad_s));
         let memory = model.hysteresis.map_or(0.0, |hysteresis| {
             0.5 * hysteresis.width_nm / hysteresis.yield_rad
         });
