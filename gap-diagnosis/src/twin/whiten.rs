@@ -52,8 +52,8 @@ pub fn series(rows: &[Row]) -> Vec<Range<usize>> {
 }
 
 /// How much less a row near a reversal counts, as near as the low-pass spreads it twice: by so many times the deviation elsewhere. Friction
-/// before it slips is what twin and robot share least. With 5, 81 and not 76 of 104 effects of a simulator that is not ours are told
-/// rightly, and of a real servo nothing whose friction grows with its load.
+/// before it slips is what twin and robot share least. With 5, 81 of 104 effects of a simulator that is not ours are told rightly and not
+/// 76, but a real servo's friction that grows with its load is told no more.
 const REVERSAL: f64 = 15.0;
 /// Of the torque that accelerates the joint, the twin is off by this part: sensors and twin are not at the same instant.
 const INERTIAL: f64 = 0.02;
