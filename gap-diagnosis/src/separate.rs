@@ -12,7 +12,7 @@ use crate::checks::mend;
 use crate::closed_loop::search::{Model, Search, difference};
 use crate::diagnose::DiagnoseError;
 use crate::effects::{Hypothesis, Shown, periodic, plain};
-use crate::evidence::told::regimes;
+use crate::evidence::place::regimes;
 use crate::on_all_cores::OnAllCores;
 use crate::report::Regime;
 use crate::twin::observe::Channel;

@@ -5,13 +5,17 @@
 //! yardstick; not the noise of a sensor. What lies below a channel's floor is nobody's. What the file's values are strained is half
 //! the square of its standard deviations, in nats, by the prior that their tolerance is.
 
+mod alike;
 mod apart;
 pub mod arm;
 mod fit;
 pub mod imitation;
+pub mod place;
+mod problem;
 pub mod remaining;
 pub mod rows;
 mod search;
+mod settled;
 pub mod shares;
 mod sums;
 pub mod told;
@@ -20,10 +24,12 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::report::Remains;
 pub use crate::twin::known::LAW as INEXACT;
 pub use fit::Fit;
-use sums::{Reduced, Sums, dot, parts};
+pub use problem::{Item, Message, Presupposed, Problem, Smooth, Span};
+use settled::ROWS_LEAST;
+pub use settled::{Settled, independent_rows};
+use sums::{Reduced, Sums, parts};
 
 /// Parts of the recording that are left out in turn.
 pub const PARTS: usize = 10;
@@ -31,10 +37,6 @@ pub const PARTS: usize = 10;
 pub const NAME_NATS: f64 = 3.0;
 /// Cost of each amplitude after the first, in nats.
 pub const AMPLITUDE_NATS: f64 = 1.5;
-/// Correlation below which rows count as independent.
-const INDEPENDENT: f64 = 0.05;
-/// Rows that are independent at least.
-const ROWS_LEAST: f64 = 10.0;
 /// Standard errors within which two values are one, and by which a value may pass a limit that no joint passes.
 pub const ERRORS: f64 = 2.0;
 /// Standard deviations beyond which a value is a finding.
@@ -46,87 +48,6 @@ pub const ALIKE: f64 = 1e-9;
 pub type Names = u128;
 /// Items at most.
 pub const ITEMS_MAX: usize = 128;
-
-/// Names without which another is less to be expected.
-#[derive(Clone, Copy, Debug)]
-pub struct Presupposed {
-    /// Their items.
-    pub names: Names,
-    /// What each costs where it is missing, in nats.
-    pub nats: f64,
-}
-
-impl Presupposed {
-    /// No name.
-    pub const NOTHING: Self = Self {
-        names: 0,
-        nats: 0.0,
-    };
-}
-
-/// Something that may be named.
-#[derive(Clone, Copy, Debug)]
-pub struct Item<'a> {
-    /// Items of one kind are one name with other shapes: a set holds one of them at most.
-    pub kind: usize,
-    /// What naming it costs, in nats.
-    pub cost: f64,
-    /// Without which it costs more.
-    pub presupposed: Presupposed,
-    /// Standard deviation of its amplitudes, where something is known of them before anything is seen.
-    pub deviation: Option<f64>,
-    /// Whether every joint may have it.
-    pub is_usual: bool,
-    /// A column for each amplitude.
-    pub columns: &'a [Vec<f64>],
-}
-
-/// A smooth law on no list.
-#[derive(Clone, Debug)]
-pub struct Smooth {
-    /// What it is a law over.
-    pub over: Remains,
-    /// Part of what names explain by which what it stands for is never exact: less than that is no rest.
-    pub inexact: f64,
-    /// What saying that there is one costs, in nats.
-    pub cost: f64,
-    /// It is a sum of these.
-    pub columns: Vec<Vec<f64>>,
-}
-
-/// Rows of one compared signal, and what they hold whatever the model.
-#[derive(Clone, Debug)]
-pub struct Span {
-    /// Where they are.
-    pub rows: Range<usize>,
-    /// Root mean square of what nobody can tell of them.
-    pub floor_nm: f64,
-}
-
-/// What a shared cause's other joints say of its amplitudes: precision, and precision times mean, in the columns' own units.
-#[derive(Clone, Debug)]
-pub struct Message {
-    /// Of all amplitudes.
-    pub precision: DMatrix<f64>,
-    /// Times their mean.
-    pub pull: DVector<f64>,
-}
-
-/// Everything that is regressed: laws, and beside them columns that are in every set.
-pub struct Problem<'a> {
-    /// What is to be explained.
-    pub gap_nm: &'a [f64],
-    /// Signals, one after the other, together all rows.
-    pub spans: &'a [Span],
-    /// What may be named.
-    pub items: &'a [Item<'a>],
-    /// Columns with a standard deviation of one.
-    pub tolerated: &'a [Vec<f64>],
-    /// Part of what the names explain by which no law is exact.
-    pub inexact: f64,
-    /// A shared cause's columns, with what the other joints say of them.
-    pub shared: Option<(&'a [Vec<f64>], &'a Message)>,
-}
 
 /// The sums of squares of a problem, part by part.
 #[derive(Clone)]
@@ -159,17 +80,6 @@ pub struct Evidence {
     trains: Vec<Sums>,
     reduced: Vec<Reduced>,
     whole: Reduced,
-}
-
-/// What the best set leaves of a signal.
-#[derive(Clone, Copy, Debug)]
-pub struct Settled {
-    /// Rows that are as good as independent.
-    pub independent_rows: f64,
-    /// Mean square, the floor included.
-    pub variance: f64,
-    /// Mean square that is nobody's: the floor's, and what no law is exact by.
-    pub floor: f64,
 }
 
 /// A set of names with its score.
@@ -345,53 +255,6 @@ impl Evidence {
         spans
             .map(|(index, span)| if index == 0 { 1.0 } else { of_floor(span) })
             .collect()
-    }
-
-    /// Finds how many rows are independent: by what the best set leaves, which depends on how much the file's values may give, which
-    /// depends on that.
-    fn settle(&mut self) {
-        /// Rounds until the number of independent rows stays, on all of the development robots.
-        const ROUNDS: usize = 2;
-        for _ in 0..ROUNDS {
-            self.eliminate();
-            let best = self.sets().into_iter().max_by(|a, b| {
-                let fitted = |set: &Scored| set.score + self.cost(set.names);
-                fitted(a).total_cmp(&fitted(b))
-            });
-            let Some(best) = best else { return };
-            self.settle_by(best.names);
-        }
-        self.eliminate();
-    }
-
-    fn settle_by(&mut self, names: Names) {
-        let fit = self.fit(names);
-        let rest: Vec<f64> = self
-            .gap_nm
-            .iter()
-            .zip(&fit.predicted_nm)
-            .map(|(gap, predicted)| gap - predicted)
-            .collect();
-        let left = self.left(names);
-        let without = self.left(0);
-        self.settled = self
-            .spans
-            .iter()
-            .enumerate()
-            .map(|(index, span)| {
-                let [mean, before] = [&left, &without].map(|of| {
-                    let square: f64 = of.iter().map(|part| part[index]).sum();
-                    square / span.rows.len().max(1) as f64
-                });
-                let inexact = self.inexact.powi(2) * (before - mean).max(0.0);
-                let floor = span.floor_nm.powi(2) + inexact;
-                Settled {
-                    independent_rows: independent_rows(&rest[span.rows.clone()]),
-                    variance: (mean + floor).max(f64::MIN_POSITIVE),
-                    floor,
-                }
-            })
-            .collect();
     }
 
     /// Precision of one row of the first signal: what a sum of squares is worth.
@@ -582,26 +445,6 @@ fn scaled(column: &mut [f64]) -> f64 {
     let scale = square.sqrt() + 1e-30;
     column.iter_mut().for_each(|x| *x /= scale);
     scale
-}
-
-/// Rows that are as good as independent, from the correlation of a signal with itself: `n / (1 + 2 Σ ρ)` up to where it dies away.
-pub fn independent_rows(signal: &[f64]) -> f64 {
-    let rows = signal.len();
-    if rows < 2 {
-        return ROWS_LEAST;
-    }
-    let mean = signal.iter().sum::<f64>() / rows as f64;
-    let centred: Vec<f64> = signal.iter().map(|x| x - mean).collect();
-    let square = dot(&centred, &centred).max(f64::MIN_POSITIVE);
-    let mut sum = 1.0;
-    for lag in 1..rows / 3 {
-        let correlation = dot(&centred[..rows - lag], &centred[lag..]) / square;
-        if correlation < INDEPENDENT {
-            break;
-        }
-        sum += 2.0 * correlation;
-    }
-    (rows as f64 / sum).max(ROWS_LEAST)
 }
 
 #[cfg(test)]

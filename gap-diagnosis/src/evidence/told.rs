@@ -4,18 +4,18 @@ use std::collections::BTreeMap;
 
 use joint_model::friction::SteadyFriction;
 use nalgebra::DMatrix;
-use robot::Effect;
+use robot::{Effect, EffectKind, Part};
 
+use super::alike::is_sure;
 use super::imitation::Ahead;
 use super::rows::Rows;
 use super::shares::{Game, Interval, Shares};
-use super::{DEVIATIONS, ERRORS, Evidence, Fit, NAME_NATS, Names, Scored};
+use super::{DEVIATIONS, ERRORS, Evidence, Fit, Names, Scored};
 use crate::effects::numbers::{numbers, side};
 use crate::report::{
-    BandShare, BeforeAfter, Candidate, Confusable, Gap, JointReport, NamedEffect, Parameter,
-    PlainFriction, Regime, Remaining, Remains, RemainsOver, SignalGap, Verdict, Where,
+    BeforeAfter, Candidate, Gap, JointReport, NamedEffect, Parameter, PlainFriction, Remaining,
+    Remains, RemainsOver, SignalGap, Verdict,
 };
-use robot::{EffectKind, Part, Stage};
 
 /// Share of the gap below which an effect is a minor one, unless the reader wants another.
 pub const MATERIALITY: f64 = 0.02;
@@ -23,8 +23,6 @@ pub const MATERIALITY: f64 = 0.02;
 const EXPLAINED: f64 = 0.9;
 /// Or, with structure left, explain a part of it.
 const PARTLY: f64 = 0.2;
-/// Nats by which one name would have to be ahead of another, if it were true, to be told from it: three standard deviations.
-const ALIKE: f64 = 0.5 * DEVIATIONS * DEVIATIONS;
 /// Below this weight a set's shares are not looked at.
 const WEIGHT_MIN: f64 = 1e-3;
 
@@ -124,7 +122,7 @@ pub struct Said {
 
 impl Found<'_> {
     /// The name of an item in a set, whose amplitude may decide it.
-    fn name_in(&self, names: Names, item: usize) -> &'static str {
+    pub(super) fn name_in(&self, names: Names, item: usize) -> &'static str {
         let fit = self.evidence.fit(names);
         let own = fit.amplitudes.iter().find(|(other, _)| *other == item);
         let amplitudes = own.map_or(&[][..], |(_, values)| values.as_slice());
@@ -132,7 +130,7 @@ impl Found<'_> {
     }
 
     /// Items of a set by their place.
-    fn players(&self, scored: &Scored) -> Vec<usize> {
+    pub(super) fn players(&self, scored: &Scored) -> Vec<usize> {
         (0..self.called.items())
             .filter(|index| scored.names & (1 << index) != 0)
             .collect()
@@ -431,113 +429,6 @@ impl Found<'_> {
         all
     }
 
-    /// Names that could stand for one another: sets within a few nats that differ in one name.
-    fn confusable(&self, best: &Scored) -> Vec<Confusable> {
-        let mut pairs: Vec<Confusable> = Vec::new();
-        let near = |set: &&Scored| best.score - set.score <= NAME_NATS;
-        for set in self.sets.iter().skip(1).take_while(near) {
-            let behind = (best.score - set.score).max(0.0);
-            let (gone, come) = (best.names & !set.names, set.names & !best.names);
-            if gone.count_ones() != 1 || come.count_ones() != 1 {
-                continue;
-            }
-            let one = self.name_in(best.names, gone.trailing_zeros() as usize);
-            let other = self.name_in(set.names, come.trailing_zeros() as usize);
-            let is_known = pairs
-                .iter()
-                .any(|pair| pair.effects[0] == one && pair.effects[1] == other);
-            if one != other && !is_known {
-                pairs.push(Confusable {
-                    effects: [one.to_owned(), other.to_owned()],
-                    distance: 2.0 * behind,
-                    reason: format!(
-                        "alike on this motion: {behind:.1} nats apart, of what {:.0} independent rows tell",
-                        self.evidence.independent_rows()
-                    ),
-                });
-            }
-        }
-        if self.is_one_frequency {
-            self.alike_at_one_frequency(best, &mut pairs);
-        }
-        for gone in self.players(best) {
-            // what takes its place may itself be one of several, if it is as probable
-            let mut truth = vec![(best.names, gone)];
-            truth.extend(self.in_place_of(best.names, gone).filter_map(|(come, _)| {
-                let names = best.names & !(1 << gone) | 1 << come;
-                let score = self.evidence.scored(names).score;
-                (best.score - score <= NAME_NATS).then_some((names, come))
-            }));
-            for (names, own) in truth {
-                for (come, apart) in self.in_place_of(names, own) {
-                    let pair = [self.name_in(names, own), self.name_in(names, come)];
-                    if pair[0] == pair[1] {
-                        continue;
-                    }
-                    if pairs.iter().any(|known| {
-                        pair.iter()
-                            .all(|name| known.effects.iter().any(|own| own == name))
-                    }) {
-                        continue;
-                    }
-                    pairs.push(Confusable {
-                        effects: pair.map(str::to_owned),
-                        distance: 2.0 * apart,
-                        reason: "one takes the other's place on this motion, whichever is there"
-                            .to_owned(),
-                    });
-                }
-            }
-        }
-        pairs
-    }
-
-    /// Driven at one frequency, what is linear shows there as two numbers: in step with the position, and with the velocity. All else is how
-    /// friction turns round and what it sets swinging, by which nothing should be told from anything.
-    fn alike_at_one_frequency(&self, best: &Scored, pairs: &mut Vec<Confusable>) {
-        let position_rad = &self.rows.position_rad;
-        let mean = position_rad.iter().sum::<f64>() / position_rad.len().max(1) as f64;
-        let waves = [
-            position_rad.iter().map(|q| q - mean).collect::<Vec<f64>>(),
-            self.rows.velocity_rad_s.clone(),
-        ];
-        let limit = self.evidence.inexact_part();
-        for gone in self.players(best) {
-            for come in 0..self.called.items() {
-                if self.called.kind(come) == self.called.kind(gone) {
-                    continue;
-                }
-                let left = self.evidence.apart_in(&waves, best.names, gone, come);
-                let pair = [
-                    self.name_in(best.names, gone),
-                    self.called.effect(come, &[]).name(),
-                ];
-                let is_known = pairs.iter().any(|known| known.effects == pair);
-                if left.is_some_and(|left| left < limit) && pair[0] != pair[1] && !is_known {
-                    pairs.push(Confusable {
-                        effects: pair.map(str::to_owned),
-                        distance: 0.0,
-                        reason:
-                            "one frequency only: there both are one torque in step with the motion"
-                                .to_owned(),
-                    });
-                }
-            }
-        }
-    }
-
-    /// Items that would take one's place in a set, with the nats by which they would be behind if it were the truth. What could be left
-    /// out without being missed has no place to take.
-    fn in_place_of(&self, names: Names, gone: usize) -> impl Iterator<Item = (usize, f64)> {
-        let is_missed = self.evidence.apart(names, gone, None) > ALIKE;
-        let held = (0..self.called.items()).filter(move |item| names & 1 << item != 0);
-        let kinds: Vec<usize> = held.map(|item| self.called.kind(item)).collect();
-        (0..self.called.items())
-            .filter(move |come| is_missed && !kinds.contains(&self.called.kind(*come)))
-            .map(move |come| (come, self.evidence.apart(names, gone, Some(come))))
-            .filter(|(_, apart)| *apart <= ALIKE)
-    }
-
     /// Whether what is left goes with the velocity for certain, by a line through zero: no friction does.
     fn drives(&self, rest_nm: &[f64]) -> bool {
         let sum = |of: fn(f64, f64) -> f64| -> f64 {
@@ -582,122 +473,6 @@ impl Found<'_> {
             shrink_high: with(shares.remaining.low).max(shrink(after)),
         }
     }
-
-    fn place(&self, effects: &[NamedEffect], gap_nm: &[f64], remaining: &[RemainsOver]) -> Where {
-        let mut stages: BTreeMap<Stage, f64> = BTreeMap::new();
-        for effect in effects {
-            if let Some(stage) = Stage::of(&effect.effect) {
-                *stages.entry(stage).or_default() += effect.share.max(0.0);
-            }
-        }
-        let largest = stages.iter().max_by(|a, b| a.1.total_cmp(b.1));
-        let stage = largest.map(|(stage, _)| *stage);
-        let sum: f64 = stages.values().sum();
-        let stages = stages
-            .into_iter()
-            .map(|(stage, share)| (stage, share / sum.max(f64::MIN_POSITIVE)))
-            .collect();
-        let mut all = regimes("position_rad", &self.rows.position_rad, gap_nm);
-        all.extend(regimes_of_motor(self, gap_nm));
-        all.extend(regimes("load_nm", &self.rows.load_nm, gap_nm));
-        all.extend(regimes("time_s", &self.rows.time_s, gap_nm));
-        Where {
-            stage: stage.or_else(|| self.stage_of_single(remaining)),
-            stages,
-            signals: self.signals.clone(),
-            regimes: all,
-            bands: bands(self.rows, gap_nm),
-        }
-    }
-
-    /// Where no name is told: of the one that comes nearest, if anything is left at all.
-    fn stage_of_single(&self, remaining: &[RemainsOver]) -> Option<Stage> {
-        if remaining.is_empty() {
-            return None;
-        }
-        let items = 0..self.called.items();
-        let best = items
-            .map(|index| self.evidence.scored(1 << index))
-            .max_by(|a, b| a.score.total_cmp(&b.score))?;
-        let index = best.names.trailing_zeros() as usize;
-        Stage::of(self.name_in(best.names, index))
-    }
-}
-
-/// Whether the first candidate is told from all others that could stand for it, by the odds that a name costs.
-fn is_sure(candidates: &[Candidate], confusable: &[Confusable]) -> bool {
-    let Some((first, others)) = candidates.split_first() else {
-        return true;
-    };
-    let is_alike = |other: &Candidate| {
-        confusable.iter().any(|pair| {
-            let has = |name: &String| pair.effects.contains(name);
-            has(&first.effect) && has(&other.effect)
-        })
-    };
-    let odds = |other: &Candidate| other.probability > first.probability * (-NAME_NATS).exp();
-    !others.iter().any(|other| is_alike(other) && odds(other))
-}
-
-fn regimes_of_motor(found: &Found<'_>, gap_nm: &[f64]) -> Vec<Regime> {
-    let ratio = found.gear_ratio;
-    let velocity = found.rows.velocity_rad_s.iter();
-    let motor: Vec<f64> = velocity.map(|v| ratio * v).collect();
-    regimes("motor_velocity_rad_s", &motor, gap_nm)
-}
-
-/// Shares of the gap's square in five ranges of a variable, each with as many rows.
-pub fn regimes(variable: &str, values: &[f64], gap_nm: &[f64]) -> Vec<Regime> {
-    const RANGES: usize = 5;
-    let mut order: Vec<usize> = (0..values.len()).collect();
-    order.sort_by(|a, b| values[*a].total_cmp(&values[*b]));
-    let square: f64 = gap_nm.iter().map(|x| x * x).sum();
-    if order.is_empty() || square <= 0.0 {
-        return Vec::new();
-    }
-    (0..RANGES)
-        .map(|range| {
-            let within = &order[range * order.len() / RANGES..(range + 1) * order.len() / RANGES];
-            let ends = within.first().zip(within.last());
-            Regime {
-                variable: variable.to_owned(),
-                from: ends.map_or(0.0, |(first, _)| values[*first]),
-                to: ends.map_or(0.0, |(_, last)| values[*last]),
-                share: within.iter().map(|row| gap_nm[*row].powi(2)).sum::<f64>() / square,
-            }
-        })
-        .collect()
-}
-
-/// Shares of the gap's square by frequency, octave by octave up to the compared band's end.
-fn bands(rows: &Rows, gap_nm: &[f64]) -> Vec<BandShare> {
-    use crate::signal::band::{Band, COMPARED_HZ};
-    let square: f64 = gap_nm.iter().map(|x| x * x).sum();
-    let ends = rows.time_s.first().zip(rows.time_s.last());
-    let Some((first, last)) = ends.filter(|(first, last)| last > first && square > 0.0) else {
-        return Vec::new();
-    };
-    let rate_hz = (rows.count() - 1) as f64 / (last - first);
-    let below = |hz: f64| {
-        let smooth = Band::of(rate_hz, hz).limit(gap_nm).unwrap_or_default();
-        smooth.iter().map(|x| x * x).sum::<f64>() / square
-    };
-    let mut bands = Vec::new();
-    let (mut from_hz, mut known) = (0.0, 0.0);
-    for octaves in [3, 2, 1, 0] {
-        let to_hz = COMPARED_HZ / f64::from(1 << octaves);
-        if to_hz > 0.45 * rate_hz && from_hz > 0.0 {
-            break;
-        }
-        let all = if octaves == 0 { 1.0 } else { below(to_hz) };
-        bands.push(BandShare {
-            from_hz,
-            to_hz,
-            share: (all - known).max(0.0),
-        });
-        (from_hz, known) = (to_hz, all);
-    }
-    bands
 }
 
 /// An effect's numbers by their names, without errors yet.

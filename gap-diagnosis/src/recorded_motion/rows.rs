@@ -8,7 +8,7 @@ use super::dynamics::{ArmColumn, Drive, Torques, that_count, tip_weights};
 use super::laws::{Along, Law};
 use super::motion::{JointMotion, Piece};
 use super::presliding::{self, Presliding};
-use super::turning::{bent, clock};
+use super::turning::Turning;
 use crate::evidence::rows::Rows;
 use crate::evidence::told::MATERIALITY;
 use crate::report::TorqueSource;
@@ -132,10 +132,18 @@ impl JointRows {
         let is_open = pieces
             .iter()
             .any(|piece| piece.joints[joint].rate_feed_nm.is_some());
-        let mut bend = bent(&drive, joint, pieces, torques, &counted, speed_rad_s, true)?;
+        let turning = Turning {
+            drive: &drive,
+            joint,
+            pieces,
+            torques,
+            counted: &counted,
+            speed_rad_s,
+        };
+        let mut bend = turning.bent(true)?;
         let mut feeds_rate = true;
         if is_open {
-            let without = bent(&drive, joint, pieces, torques, &counted, speed_rad_s, false)?;
+            let without = turning.bent(false)?;
             if without.left < bend.left {
                 (bend, feeds_rate) = (without, false);
             }
@@ -367,7 +375,7 @@ impl JointRows {
         join(&mut self.late, late.collect::<Result<Vec<_>, _>>()?);
         if let Some(torque_nm) = motion.torque_nm(self.feeds_rate) {
             let smooth_nm = kept.band.limit(&torque_nm)?;
-            let mut untold = vec![kept.raw(&clock(&smooth_nm, piece, motion))];
+            let mut untold = vec![kept.raw(&motion.clock_nm(&smooth_nm, piece.rate_hz))];
             let others = self.presliding[1..].iter();
             let others = others.map(|presliding| presliding.slip(motion));
             for bent in others.chain([turned_earlier(slip, piece)]) {
