@@ -20,7 +20,7 @@ from scipy.signal import butter, filtfilt
 LOW_PASS_HZ = 60.0
 # Nobody knows how far friction was wound up when the recording began.
 START_S = 0.5
-# As gap-diagnosis/src/whiten.rs.
+# A row at a reversal counts a fifteenth.
 REVERSAL, REVERSAL_S = 15.0, 0.12
 
 

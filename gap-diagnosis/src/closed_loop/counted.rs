@@ -9,10 +9,8 @@ use crate::effects::numbers::{numbers, side};
 use crate::report::{Candidate, Confusable, JointReport, NamedEffect, Parameter, Verdict};
 use crate::twin::scale::Scale;
 
-/// Probability of what was counted in the samples, and of it beside something that the evidence names. Of 60 development cases with one
-/// of these none was wrong.
+/// Probability of what was counted in the samples. Of 60 development cases with one of these none was wrong.
 const COUNTED: f64 = 0.97;
-const BESIDE: f64 = 0.85;
 
 /// What a delay may be called: command and position show only the sum of both.
 const DELAYS: [EffectKind; 2] = [EffectKind::CommandDelay, EffectKind::SensorDelay];
@@ -83,14 +81,13 @@ pub fn add(
         Verdict::Unexplained => Verdict::PartlyExplained,
         verdict => verdict,
     };
-    let certain = if had_names { BESIDE } else { COUNTED };
     for candidate in &mut report.candidates {
-        candidate.probability *= 1.0 - certain;
+        candidate.probability *= 1.0 - COUNTED;
     }
     for found in counted {
         let names = names(found);
         for name in &names {
-            let probability = certain / (counted.len() * names.len()) as f64;
+            let probability = COUNTED / (counted.len() * names.len()) as f64;
             let own = report.candidates.iter_mut().find(|of| of.effect == *name);
             match own {
                 Some(candidate) => candidate.probability += probability,

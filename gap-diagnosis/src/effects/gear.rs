@@ -27,10 +27,20 @@ pub const KINEMATIC_ERROR: Form = Form {
     })
 };
 
-/// The gear is softer than its file says, by a compliance; a robot file writes the stiffness it comes to.
-pub const COMPLIANCE: Form = Form::of(|amplitude, _, scale| Effect::TorsionalCompliance {
-    stiffness_nm_rad: softened_nm_rad(amplitude[0], scale),
-});
+/// The gear is softer than its file says, by a compliance; a robot file writes the stiffness it comes to. Beside a file that tells none
+/// it cannot be stiffer.
+pub const COMPLIANCE: Form = Form {
+    lowest: |scale| {
+        if scale.stiffness_is_known {
+            f64::NEG_INFINITY
+        } else {
+            0.0
+        }
+    },
+    ..Form::of(|amplitude, _, scale| Effect::TorsionalCompliance {
+        stiffness_nm_rad: softened_nm_rad(amplitude[0], scale),
+    })
+};
 
 /// The gear twists more easily below a torque. The compliance added there enters linearly, the knee at which it ends does not.
 pub const SOFT_WINDUP: Form = Form {
@@ -103,4 +113,21 @@ fn knees_nm(scale: &Scale) -> Vec<f64> {
         .into_iter()
         .chain(is_more.then_some(half_nm))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::tests::scale;
+
+    #[test]
+    fn no_gear_is_stiffer_than_one_of_which_nothing_is_known() {
+        let least = |stiffness_is_known: bool| {
+            (COMPLIANCE.lowest)(&Scale {
+                stiffness_is_known,
+                ..scale()
+            })
+        };
+        assert_eq!([true, false].map(least), [f64::NEG_INFINITY, 0.0]);
+    }
 }

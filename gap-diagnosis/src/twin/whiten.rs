@@ -51,10 +51,12 @@ pub fn series(rows: &[Row]) -> Vec<Range<usize>> {
     found
 }
 
-/// How much less a row near a reversal counts, as near as the low-pass spreads it twice: by so many times the deviation elsewhere. Friction
-/// before it slips is what twin and robot share least. With 5, 81 of 104 effects of a simulator that is not ours are told rightly and not
-/// 76, but a real servo's friction that grows with its load is told no more.
-const REVERSAL: f64 = 15.0;
+/// How much less a row near a turn counts, as near as the low-pass spreads it twice: by so many times the deviation elsewhere. Nobody
+/// knows exactly how friction turns round. Set on development cases: four logs of a servo have load-dependent friction of 0.38 to 0.47 with
+/// it; with 15, of 0.39 to 0.68 in three.
+const TURNS: f64 = 3.0;
+/// The same of a joint that stands: it holds any torque up to its breakaway, and what it holds tells nothing.
+const STANDS: f64 = 15.0;
 /// Of the torque that accelerates the joint, the twin is off by this part: sensors and twin are not at the same instant.
 const INERTIAL: f64 = 0.02;
 /// Of the difference that softer gears of links make that no encoder shows, so many times may be wrong: their damping is not known
@@ -72,7 +74,8 @@ const SLID_RAD: f64 = 1e-2;
 /// Slower than this part of the fastest it stands.
 const STILL: f64 = 0.003;
 
-/// Of each row, by how near its joint is to a reversal, how hard it accelerates, what swings beside it and whether it vibrates: 1 in even motion.
+/// Of each row, by how near its joint is to a turn or to rest, how hard it accelerates, what swings beside it and whether it vibrates: 1 in
+/// even motion.
 fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor) -> Vec<f64> {
     let fastest = rows
         .iter()
@@ -81,20 +84,14 @@ fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor)
     let mut weights = vec![1.0; rows.len()];
     for of in series {
         let rows = &rows[of.clone()];
-        let turns = turns_s(rows, fastest);
+        let slow = Slow::of(rows, fastest);
         let Floor {
             quick_nm, slow_nm, ..
         } = floor(&rows[0]);
         let deviation_nm = quick_nm.hypot(slow_nm).max(1e-12);
         for (row, weight) in rows.iter().zip(&mut weights[of.clone()]) {
-            let after = turns.partition_point(|turn| *turn < row.time_s);
-            let nearest_s = [after.checked_sub(1), Some(after)]
-                .into_iter()
-                .flatten()
-                .filter_map(|k| turns.get(k))
-                .map(|turn| (turn - row.time_s).abs())
-                .fold(f64::INFINITY, f64::min);
-            let near = (-(nearest_s / (2.0 * SPREAD_S)).powi(2)).exp();
+            let turns = TURNS * near(&slow.turns_s, row.time_s);
+            let stands = STANDS * near(&slow.stands_s, row.time_s);
             let hard = INERTIAL * row.inertial_nm / deviation_nm;
             let unseen = UNSEEN * row.unseen_nm / deviation_nm;
             let aliased = row.aliased_nm / deviation_nm;
@@ -102,8 +99,8 @@ fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor)
             let falls = FALLING * row.falling_nm / deviation_nm;
             // a beat is as quick as noise
             let beating = row.beating_nm / quick_nm.max(1e-12);
-            // both are of how friction lets go
-            let less = (REVERSAL * near).max(falls).powi(2)
+            // all three are of how friction lets go
+            let less = turns.max(stands).max(falls).powi(2)
                 + hard * hard
                 + unseen * unseen
                 + swings * swings
@@ -115,24 +112,61 @@ fn weights(rows: &[Row], series: &[Range<usize>], floor: impl Fn(&Row) -> Floor)
     weights
 }
 
-/// When a joint turns, stands, or is slow and has not gone far since it was so.
-fn turns_s(rows: &[Row], fastest_rad_s: f64) -> Vec<f64> {
-    let mut turns_s = Vec::new();
-    let mut way_rad = 0.0;
-    for pair in rows.windows(2) {
-        let [before, row] = [&pair[0], &pair[1]];
-        let turns = before.velocity_rad_s * row.velocity_rad_s <= 0.0;
-        let part = row.velocity_rad_s.abs() / fastest_rad_s;
-        if turns || !(STILL..STANDING).contains(&part) {
-            way_rad = 0.0;
-        } else {
-            way_rad += (row.position_rad - before.position_rad).abs();
+/// How near a time is to one of these, 1 at it.
+fn near(times_s: &[f64], time_s: f64) -> f64 {
+    let after = times_s.partition_point(|at| *at < time_s);
+    let nearest_s = [after.checked_sub(1), Some(after)]
+        .into_iter()
+        .flatten()
+        .filter_map(|k| times_s.get(k))
+        .map(|at| (at - time_s).abs())
+        .fold(f64::INFINITY, f64::min);
+    (-(nearest_s / (2.0 * SPREAD_S)).powi(2)).exp()
+}
+
+/// When a joint is slow and has not gone far since it was so.
+#[derive(Default)]
+struct Slow {
+    /// For no longer than the low-pass spreads an instant: it turns.
+    turns_s: Vec<f64>,
+    /// For longer: it stands.
+    stands_s: Vec<f64>,
+}
+
+impl Slow {
+    fn of(rows: &[Row], fastest_rad_s: f64) -> Self {
+        let mut all = Self::default();
+        let mut spell_s: Vec<f64> = Vec::new();
+        let mut way_rad = 0.0;
+        for pair in rows.windows(2) {
+            let [before, row] = [&pair[0], &pair[1]];
+            let turns = before.velocity_rad_s * row.velocity_rad_s <= 0.0;
+            let part = row.velocity_rad_s.abs() / fastest_rad_s;
+            if turns || !(STILL..STANDING).contains(&part) {
+                way_rad = 0.0;
+            } else {
+                way_rad += (row.position_rad - before.position_rad).abs();
+            }
+            if turns || part < STANDING && way_rad < SLID_RAD {
+                spell_s.push(row.time_s);
+            } else {
+                all.end(&mut spell_s);
+            }
         }
-        if turns || part < STANDING && way_rad < SLID_RAD {
-            turns_s.push(row.time_s);
-        }
+        all.end(&mut spell_s);
+        all
     }
-    turns_s
+
+    fn end(&mut self, spell_s: &mut Vec<f64>) {
+        let ends = spell_s.first().zip(spell_s.last());
+        let stands = ends.is_some_and(|(first, last)| last - first > 2.0 * SPREAD_S);
+        let all = if stands {
+            &mut self.stands_s
+        } else {
+            &mut self.turns_s
+        };
+        all.append(spell_s);
+    }
 }
 
 /// How one channel is made independent and of unit variance.
@@ -306,8 +340,35 @@ mod tests {
         assert!(weight(0.1, far_s) > 0.99 && weight(10.0, far_s) < 0.4);
         // at the reversal it is what that does already
         let turn_s = 3.0;
-        assert_eq!(weight(10.0, turn_s), weight(0.0, turn_s));
+        assert_eq!(weight(5.0, turn_s), weight(0.0, turn_s));
         assert!(weight(100.0, turn_s) < 0.6 * weight(0.0, turn_s));
+    }
+
+    #[test]
+    fn who_stands_counts_less_than_who_turns() {
+        // 2 s this way, at rest for a while, 2 s that way
+        let weight = |rest_s: f64| {
+            let row = |k: i32| {
+                let time_s = 0.01 * f64::from(k);
+                let velocity_rad_s = match time_s {
+                    before if before < 2.0 => 1.0,
+                    after if after > 2.0 + rest_s => -1.0,
+                    _ => 0.0,
+                };
+                Row {
+                    velocity_rad_s,
+                    ..Row::at_rest(time_s)
+                }
+            };
+            let rows: Vec<Row> = (0..400).map(row).collect();
+            let floor = |_: &Row| Floor {
+                quick_nm: 1.0,
+                ..Floor::default()
+            };
+            Whitener::new(&rows, floor).weight((100.0 * (2.0 + 0.5 * rest_s)) as usize)
+        };
+        let [turning, standing] = [0.02, 1.0].map(weight);
+        assert!(standing < 0.1 && turning > 0.3, "{standing}, {turning}");
     }
 
     #[test]
