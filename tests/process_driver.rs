@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use crate::support::{Bench, output, spawn, text};
+use crate::support::{Bench, spawn, text};
 
 mod support;
 
