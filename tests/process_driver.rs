@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use crate::support::{Bench, spawn, text};
+use crate::support::{Bench, python, spawn, text};
 
 mod support;
 
@@ -17,18 +17,9 @@ fn built() -> PathBuf {
     program.parent().expect("a directory").to_owned()
 }
 
-/// A Python with the packages of `tests/requirements.txt`; the reason is printed where there is none.
-fn python() -> Option<Command> {
-    let python = std::env::var("FLEXSPLINE_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let has_package = Command::new(&python)
-        .args(["-c", "import iceoryx2"])
-        .output()
-        .is_ok_and(|found| found.status.success());
-    if !has_package {
-        println!("skipped: {python} has no package iceoryx2; see tests/requirements.txt");
-        return None;
-    }
-    let mut command = Command::new(python);
+/// The same driver in Python, where that has its packages.
+fn in_python() -> Option<Command> {
+    let mut command = python()?;
     command.arg(root().join("examples/process_driver.py"));
     Some(command)
 }
@@ -36,7 +27,7 @@ fn python() -> Option<Command> {
 #[test]
 fn a_process_of_ones_own_drives_in_any_language() {
     let rust = Command::new(built().join("examples/process_driver"));
-    for (name, mut driver) in [("rust", Some(rust)), ("python", python())] {
+    for (name, mut driver) in [("rust", Some(rust)), ("python", in_python())] {
         let Some(driver) = &mut driver else { continue };
         let bench = Bench::new(&format!("process-{name}"));
         // In lockstep, where a slow process is waited for.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::support::{Bench, eventually, kill, output, spawn, text};
+use crate::support::{Bench, eventually, kill, output, python, spawn, text};
 use shm_types::bus::Bus;
 use shm_types::instance::Instance;
 use shm_types::topics;
@@ -16,22 +16,6 @@ fn example(name: &str) -> PathBuf {
         .expect("a directory")
         .join("examples")
         .join(name)
-}
-
-/// A Python with the packages of `tests/requirements.txt`; the reason is printed where there is none.
-fn python() -> Option<Command> {
-    let python = std::env::var("FLEXSPLINE_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let has_package = Command::new(&python)
-        .args(["-c", "import iceoryx2"])
-        .output()
-        .is_ok_and(|found| found.status.success());
-    if !has_package {
-        println!(
-            "skipped: {python} has no package iceoryx2; see tests/requirements.txt, and set FLEXSPLINE_PYTHON"
-        );
-        return None;
-    }
-    Some(Command::new(python))
 }
 
 #[test]

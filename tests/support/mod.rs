@@ -157,6 +157,22 @@ pub fn text(output: &Output) -> String {
     )
 }
 
+/// A Python with the packages of `tests/requirements.txt`; the reason is printed where there is none.
+pub fn python() -> Option<Command> {
+    let python = std::env::var("FLEXSPLINE_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let has_package = Command::new(&python)
+        .args(["-c", "import iceoryx2"])
+        .output()
+        .is_ok_and(|found| found.status.success());
+    if !has_package {
+        println!(
+            "skipped: {python} has no package iceoryx2; see tests/requirements.txt, and set FLEXSPLINE_PYTHON"
+        );
+        return None;
+    }
+    Some(Command::new(python))
+}
+
 /// A copy of a program that another user may execute too: folders of builds are often closed to him.
 pub fn for_everybody(program: &Path, directory: &TempDir) -> PathBuf {
     fs::set_permissions(directory.path(), fs::Permissions::from_mode(0o755)).expect("our folder");
