@@ -66,6 +66,8 @@ pub struct Form {
     pub repeats_with: Option<Turn>,
     /// Whether what repeats does so at several numbers of cycles.
     pub has_harmonics: bool,
+    /// Whether what repeats is the shaft's own: after a turn it is what it was, so its number of cycles is whole.
+    pub is_of_shaft: bool,
 }
 
 impl Form {
@@ -86,6 +88,7 @@ impl Form {
             is_switch: false,
             repeats_with: None,
             has_harmonics: false,
+            is_of_shaft: false,
         }
     }
 

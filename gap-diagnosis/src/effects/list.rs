@@ -128,8 +128,10 @@ pub fn delay(delay_s: f64, scale: &Scale) -> (Hypothesis, f64) {
 
 /// The effects that repeat with the motor's turn, at so many cycles a turn.
 pub fn periodic(cycles_per_motor_rev: f64) -> Vec<Hypothesis> {
+    let is_whole = cycles_per_motor_rev.fract() == 0.0;
     let of_motor = all().filter(Hypothesis::repeats_with_motor);
     of_motor
+        .filter(|of| is_whole || !of.form().is_of_shaft)
         .map(|of| of.shaped(&[cycles_per_motor_rev]))
         .collect()
 }
@@ -150,5 +152,14 @@ mod tests {
             let ones = vec![1.0; hypothesis.amplitudes()];
             assert_eq!(hypothesis.effect(&ones, &scale()).kind(), hypothesis.kind);
         }
+    }
+
+    #[test]
+    fn an_encoder_shows_the_same_after_a_turn_of_its_shaft() {
+        let is_there = |cycles: f64| {
+            let mut all = periodic(cycles).into_iter();
+            all.any(|of| of.kind == EffectKind::EncoderEccentricity)
+        };
+        assert!(is_there(2.0) && !is_there(0.64));
     }
 }

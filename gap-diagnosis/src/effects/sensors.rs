@@ -13,11 +13,14 @@ pub const ENCODER_OFFSET: Form = Form::of(|amplitude, _, _| Effect::EncoderOffse
     offset_rad: amplitude[0] * OFFSET_STEP_RAD,
 });
 
-/// Before the gear.
-pub const MOTOR_ECCENTRICITY: Form = Form::wave(|amplitude, cycles, scale| {
-    let turns = scale.gear_ratio;
-    eccentricity(amplitude, cycles, scale, turns, EncoderSide::Motor)
-});
+/// Before the gear: what the ring on the motor's shaft shows is what it showed a turn before.
+pub const MOTOR_ECCENTRICITY: Form = Form {
+    is_of_shaft: true,
+    ..Form::wave(|amplitude, cycles, scale| {
+        let turns = scale.gear_ratio;
+        eccentricity(amplitude, cycles, scale, turns, EncoderSide::Motor)
+    })
+};
 
 /// After the gear: a ring off its centre or bent, and the teeth or poles of a few more.
 pub const LINK_ECCENTRICITY: Form = Form {
