@@ -33,17 +33,18 @@ pub fn settled(counted: &[Found], scale: &Scale) -> Vec<Term> {
         .collect()
 }
 
-/// Adds what was counted to a joint's report. `settled_share`: the part of the gap's energy that delay and lag take. `is_common`: whether
-/// a finding is told of the whole arm.
+/// Adds what was counted to a joint's report. `settled_shares`: the parts of the gap's energy that delay and lag take, in the order of
+/// [`settled`]. `is_common`: whether a finding is told of the whole arm.
 pub fn add(
     report: &mut JointReport,
     counted: &[Found],
-    settled_share: f64,
+    settled_shares: &[f64],
     is_common: impl Fn(&Found) -> bool,
 ) {
     if counted.is_empty() {
         return;
     }
+    let settled_share: f64 = settled_shares.iter().sum();
     let had_names = !report.effects.is_empty();
     let named = report.effects.iter_mut().chain(&mut report.minor_effects);
     for effect in named {
@@ -56,13 +57,12 @@ pub fn add(
         }
     }
     report.remaining_share *= 1.0 - settled_share;
-    let (settled, beside): (Vec<&Found>, Vec<&Found>) = counted
-        .iter()
-        .filter(|found| !is_common(found))
-        .partition(|found| is_settled(found));
-    for found in &settled {
-        let share = settled_share / settled.len() as f64;
-        report.effects.push(named_effect(found, share));
+    let (settled, beside): (Vec<&Found>, Vec<&Found>) =
+        counted.iter().partition(|found| is_settled(found));
+    let own = settled.iter().zip(settled_shares);
+    for (found, share) in own.filter(|(found, _)| !is_common(found)) {
+        let effect = with_more(named_effect(found, *share), report);
+        report.effects.push(effect);
     }
     // what does not change the torque has the gap that no torque is left of
     let is_at_floor = matches!(report.verdict, Verdict::NoGap | Verdict::Explained);
@@ -119,8 +119,29 @@ pub fn add(
     report.reason.push_str(&because.join("; "));
 }
 
+/// What was counted with what the evidence says is more of it: both are one effect, whose parameters add up, as delays and lags do.
+fn with_more(mut counted: NamedEffect, report: &mut JointReport) -> NamedEffect {
+    let told = [&mut report.effects, &mut report.minor_effects];
+    let more = told.into_iter().find_map(|effects| {
+        let place = effects.iter().position(|of| of.effect == counted.effect)?;
+        Some(effects.remove(place))
+    });
+    let Some(more) = more else { return counted };
+    for (name, parameter) in &mut counted.parameters {
+        if let Some(more) = more.parameters.get(name) {
+            parameter.value += more.value;
+            parameter.std = parameter.std.hypot(more.std);
+        }
+    }
+    counted.share += more.share;
+    counted.share_low += more.share_low;
+    counted.share_high += more.share_high;
+    counted.shrink_alone += more.shrink_alone;
+    counted
+}
+
 /// Whether the twin has it, and the torque is compared beside it.
-fn is_settled(found: &Found) -> bool {
+pub fn is_settled(found: &Found) -> bool {
     matches!(
         found.effect,
         Effect::CurrentLoopLag { .. } | Effect::CommandDelay { .. }
@@ -156,5 +177,61 @@ pub fn named_effect(found: &Found, share: f64) -> NamedEffect {
         share_high: share,
         shrink_alone: share,
         ..NamedEffect::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::insufficient;
+
+    #[test]
+    fn a_lag_that_the_samples_tell_in_part_is_told_once() {
+        let found = Found {
+            effect: Effect::CurrentLoopLag {
+                time_constant_s: 8e-3,
+            },
+            std: 3e-4,
+            because: String::new(),
+        };
+        let mut more = named_effect(&found, 0.1);
+        if let Some(parameter) = more.parameters.get_mut("time_constant_s") {
+            parameter.value = 3e-3;
+        }
+        let mut report = insufficient("joint1", String::new());
+        report.verdict = Verdict::Explained;
+        report.effects = vec![more];
+        add(&mut report, &[found], &[0.5], |_| false);
+        assert_eq!(report.effects.len(), 1);
+        let lag = &report.effects[0];
+        assert!((lag.parameters["time_constant_s"].value - 11e-3).abs() < 1e-12);
+        assert!((lag.share - 0.55).abs() < 1e-12, "{}", lag.share);
+    }
+
+    #[test]
+    fn what_the_arm_is_told_of_takes_no_share_of_a_joint_twice() {
+        let found = |effect: Effect| Found {
+            effect,
+            std: 1e-4,
+            because: String::new(),
+        };
+        let counted = [
+            found(Effect::CurrentLoopLag {
+                time_constant_s: 3e-3,
+            }),
+            found(Effect::CommandDelay { delay_s: 2e-3 }),
+        ];
+        let mut report = insufficient("joint1", String::new());
+        report.verdict = Verdict::NoGap;
+        report.remaining_share = 1.0;
+        let is_common = |found: &Found| found.effect.kind() == EffectKind::CommandDelay;
+        add(&mut report, &counted, &[0.6, 0.3], is_common);
+        let told: Vec<_> = report
+            .effects
+            .iter()
+            .map(|of| (of.effect.as_str(), of.share))
+            .collect();
+        assert_eq!(told, [("current_loop_lag", 0.6)]);
+        assert!((report.remaining_share - 0.1).abs() < 1e-12);
     }
 }

@@ -77,8 +77,8 @@ struct Told {
     traces: JointTraces,
     /// Share of the cause that the arm shares.
     shared: Option<Interval>,
-    /// Share of delay and lag.
-    settled_share: f64,
+    /// Share of the delay that the arm has in common.
+    delay_share: f64,
 }
 
 /// What explains a joint.
@@ -335,20 +335,22 @@ impl<'a> Joint<'a> {
             mut report, shared, ..
         } = found.said(&self.others_moving());
         report.gap = self.gap(&report, &gap_nm, left[0]);
-        let settled_share = self.settled_share(explained, &gap_nm);
-        let shared = shared.first().map(|share| {
-            let rest = 1.0 - settled_share;
-            Interval {
-                value: rest * share.value,
-                low: rest * share.low,
-                high: rest * share.high,
-            }
+        let settled_shares = self.settled_shares(explained, &gap_nm)?;
+        let rest = 1.0 - settled_shares.iter().sum::<f64>();
+        let shared = shared.first().map(|share| Interval {
+            value: rest * share.value,
+            low: rest * share.low,
+            high: rest * share.high,
         });
         let is_common = |found: &Counted| {
             let common = arm.common;
             common.is_some_and(|common| common.is_seen_as(found, self.index))
         };
-        counted::add(&mut report, counted, settled_share, is_common);
+        counted::add(&mut report, counted, &settled_shares, is_common);
+        let settled = counted.iter().filter(|found| counted::is_settled(found));
+        let in_common = settled.zip(&settled_shares);
+        let in_common = in_common.filter(|(found, _)| is_common(found));
+        let delay_share = in_common.map(|(_, share)| share).sum();
         let model = &explained.about.model;
         report.gap.position_rms_rad =
             crate::closed_loop::values::position_rms_rad(&self.search, &Model::default(), model)?;
@@ -356,14 +358,15 @@ impl<'a> Joint<'a> {
             report,
             traces: self.traces(name, model)?,
             shared,
-            settled_share,
+            delay_share,
         })
     }
 
-    /// Part of the gap that delay and lag take, beside what the file's values are in the end.
-    fn settled_share(&self, explained: &Explained, gap_nm: &[f64]) -> f64 {
+    /// Parts of the gap that delay and lag take, each, beside what the file's values are in the end: what each takes off, over both
+    /// orders of the two (Shapley).
+    fn settled_shares(&self, explained: &Explained, gap_nm: &[f64]) -> Result<Vec<f64>, TwinError> {
         if self.settled.is_empty() {
-            return 0.0;
+            return Ok(Vec::new());
         }
         let Explained {
             about,
@@ -371,14 +374,29 @@ impl<'a> Joint<'a> {
             sets,
         } = explained;
         let beside = evidence.values_beside(sets[0].names);
-        let mut without_nm = gap_nm.to_vec();
-        for (column, value) in about.known.iter().zip(&beside) {
-            let rows = without_nm.iter_mut().zip(column);
-            rows.for_each(|(row, x)| *row -= value * x);
-        }
+        let square = |gap_nm: &[f64]| {
+            let mut without_nm = gap_nm.to_vec();
+            for (column, value) in about.known.iter().zip(&beside) {
+                let rows = without_nm.iter_mut().zip(column);
+                rows.for_each(|(row, x)| *row -= value * x);
+            }
+            evidence.square(&without_nm)
+        };
         let with: f64 = evidence.left_at(0, &beside).iter().sum();
-        let without = evidence.square(&without_nm);
-        (1.0 - with / without.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0)
+        let without = square(gap_nm);
+        let taken = (1.0 - with / without.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let [one, other] = self.settled.as_slice() else {
+            return Ok(vec![taken]);
+        };
+        let alone = |term: &Term| -> Result<f64, TwinError> {
+            let model = Model::of_settled(&self.search, std::slice::from_ref(term));
+            let left_nm = self.compared.pick(&self.search.residual_nm(&model)?);
+            Ok(square(&left_nm))
+        };
+        let [one, other] = [alone(one)?, alone(other)?];
+        let both = (without - with).max(f64::MIN_POSITIVE);
+        let first = (0.5 * (1.0 + (other - one) / both)).clamp(0.0, 1.0);
+        Ok(vec![taken * first, taken * (1.0 - first)])
     }
 
     /// Mean square of the motor's gap, and what nobody can tell of it.
@@ -626,9 +644,9 @@ pub fn diagnose(
                 .is_some_and(|common| common.joints.contains(&index))
             {
                 let share = JointShare {
-                    share: told.settled_share,
-                    share_low: told.settled_share,
-                    share_high: told.settled_share,
+                    share: told.delay_share,
+                    share_low: told.delay_share,
+                    share_high: told.delay_share,
                 };
                 of_delay.insert(name.clone(), share);
             }
