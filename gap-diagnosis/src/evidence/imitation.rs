@@ -7,11 +7,10 @@ use std::f64::consts::TAU;
 
 use super::remaining::{bent, braking, hats, since_reversal};
 use super::rows::Rows;
-use super::sums::dot;
 use crate::report::Remains;
 
 use super::{AMPLITUDE_NATS, Evidence, Fit, INEXACT, NAME_NATS, Names, Scored, Smooth};
-use crate::signal::waves::PERIODS_MIN;
+use crate::signal::waves::{PERIODS_MIN, Waves};
 
 /// Parts of the recording between which something may have changed at once: half of what is left out in turn.
 const INSTANTS: usize = 20;
@@ -174,27 +173,27 @@ fn jumps(time_s: &[f64]) -> Vec<Vec<f64>> {
 /// The wave over time that shows most in a rest, with the logarithm of how many there are.
 fn vibration(time_s: &[f64], rest_nm: &[f64]) -> Option<(Vec<Vec<f64>>, f64)> {
     let whole_s = time_s.last()? - time_s.first()?;
-    let waves = |hz: f64| {
-        [f64::sin, f64::cos].map(|of| {
-            let angles = time_s.iter().map(|t| of(TAU * hz * t));
-            angles.collect::<Vec<f64>>()
-        })
-    };
-    let power = |hz: f64| {
-        let waves = waves(hz);
-        waves
-            .iter()
-            .map(|wave| dot(wave, rest_nm).powi(2))
-            .sum::<f64>()
-    };
     // half a line apart, so that none is missed, up to half the rate of rows, where a wave's sine is gone
     let first = (2.0 * PERIODS_MIN) as usize;
     let last = time_s.len() - 1;
-    let all = (first..last).map(|k| 0.5 * k as f64 / whole_s);
-    let most = all
-        .map(|hz| (power(hz), hz))
-        .max_by(|a, b| a.0.total_cmp(&b.0))?;
-    Some((waves(most.1).to_vec(), (last as f64).ln()))
+    let angles_rad = || time_s.iter().map(|t| TAU * 0.5 / whole_s * t);
+    let mut waves = Waves::from(angles_rad(), first as f64, 1.0);
+    let mut most: Option<(f64, usize)> = None;
+    for line in first..last {
+        let both = waves.now().iter().zip(rest_nm);
+        let [sin, cos] = both.fold([0.0, 0.0], |[s, c], ([sin, cos], rest)| {
+            [s + sin * rest, c + cos * rest]
+        });
+        let power = sin * sin + cos * cos;
+        if most.is_none_or(|(before, _)| power > before) {
+            most = Some((power, line));
+        }
+        waves.turn();
+    }
+    let (_, line) = most?;
+    let waves = Waves::from(angles_rad(), line as f64, 0.0);
+    let part = |place: usize| waves.now().iter().map(|wave| wave[place]).collect();
+    Some((vec![part(0), part(1)], (last as f64).ln()))
 }
 
 #[cfg(test)]
