@@ -14,6 +14,7 @@ use crate::bench::{Bench, Run, Setup, rms, rms_difference};
 use crate::course::{Course, Room};
 use crate::families::{draw, equivalents};
 use crate::label::{CaseKind, Label, TrueEffect, TrueUnlisted};
+use crate::likeness::{common, shapes};
 use crate::pairs::{DESIGNS, Design};
 use crate::plan::CasePlan;
 use crate::random::Random;
@@ -401,7 +402,8 @@ impl<'a> Stand<'a> {
     }
 
     /// What each effect of the list has in common with a truth at a joint: the part of the change's square that the plant with that effect
-    /// in it makes too, at the strength that fits best. Of an effect whose shape is free the most that some draws of it have.
+    /// in it makes too, at the strength that fits best. Of an effect whose shape is free the most that some draws of it have, and its
+    /// [`shapes`] beside them.
     fn in_common(
         &self,
         truth: &Truth,
@@ -413,26 +415,14 @@ impl<'a> Stand<'a> {
             return Ok(BTreeMap::new());
         };
         let change_nm = &changes_nm[joint];
+        let law = truth.unlisted.as_ref().map(|unlisted| &unlisted.law);
+        let waves = law.and_then(|law| law.waves_per_motor_rev(self.sizes[joint].gear_ratio));
         let mut all = BTreeMap::new();
         for name in Effect::names() {
             let mut most: f64 = 0.0;
             for _ in 0..SHAPES {
-                let Some(family) = draw(name, kind, &self.sizes[joint], random) else {
-                    break;
-                };
-                let effect = (family.make)(0.5 * family.most);
-                let on = (!effect.is_whole_arm()).then_some(joint);
-                let injection = Injection {
-                    joint: on,
-                    effect,
-                    start_s: 0.0,
-                };
-                let alike = Truth {
-                    effects: vec![(self.entry(on, effect, kind), injection)],
-                    ..Truth::default()
-                };
-                if let Some(alike_nm) = self.changes_nm(&alike)? {
-                    most = most.max(common(change_nm, &alike_nm[joint]));
+                for alike_nm in self.drawn_nm(name, joint, kind, waves, random)? {
+                    most = most.max(common(change_nm, &alike_nm));
                 }
             }
             if most > 0.0 {
@@ -440,6 +430,70 @@ impl<'a> Stand<'a> {
             }
         }
         Ok(all)
+    }
+
+    /// Whether the other names of a pair together make all of what its truth makes but for what nobody can know.
+    fn is_alike(
+        &self,
+        truth: &Truth,
+        joint: usize,
+        kind: RigKind,
+        random: &mut Random,
+    ) -> Result<bool, BlindError> {
+        let Some(changes_nm) = self.changes_nm(truth)? else {
+            return Ok(false);
+        };
+        let mut others_nm = Vec::new();
+        for name in truth.pair.iter().skip(1) {
+            let shaped = self.drawn_nm(name, joint, kind, None, random)?;
+            others_nm.extend(shaped.into_iter().flatten());
+        }
+        let left = (1.0 - common(&changes_nm[joint], &others_nm)).max(0.0);
+        Ok(left.sqrt() * self.ratio(&changes_nm, joint) < SMALL_LEVEL)
+    }
+
+    /// What one draw of an effect changes of a joint's disturbance torque, at each of its [`shapes`].
+    fn drawn_nm(
+        &self,
+        name: &str,
+        joint: usize,
+        kind: RigKind,
+        waves: Option<f64>,
+        random: &mut Random,
+    ) -> Result<Vec<Vec<Vec<f64>>>, BlindError> {
+        let Some(family) = draw(name, kind, &self.sizes[joint], random) else {
+            return Ok(Vec::new());
+        };
+        let mut all = Vec::new();
+        for together in shapes((family.make)(0.5 * family.most), waves) {
+            let each = together.into_iter();
+            let changes_nm = each
+                .map(|effect| self.made_by(effect, joint, kind))
+                .collect::<Result<Option<Vec<_>>, _>>()?;
+            all.extend(changes_nm);
+        }
+        Ok(all)
+    }
+
+    /// What an effect changes of a joint's disturbance torque; none if the loop stops for safety.
+    fn made_by(
+        &self,
+        effect: Effect,
+        joint: usize,
+        kind: RigKind,
+    ) -> Result<Option<Vec<f64>>, BlindError> {
+        let on = (!effect.is_whole_arm()).then_some(joint);
+        let injection = Injection {
+            joint: on,
+            effect,
+            start_s: 0.0,
+        };
+        let truth = Truth {
+            effects: vec![(self.entry(on, effect, kind), injection)],
+            ..Truth::default()
+        };
+        let changes_nm = self.changes_nm(&truth)?;
+        Ok(changes_nm.map(|mut changes_nm| changes_nm.swap_remove(joint)))
     }
 
     /// An effect as a label tells it, its gap not known yet.
@@ -455,13 +509,6 @@ impl<'a> Stand<'a> {
                 .collect(),
         }
     }
-}
-
-/// Part of one signal's square that another, at the size that fits best, has in common with it.
-fn common(of: &[f64], other: &[f64]) -> f64 {
-    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let squares = product(of, of) * product(other, other);
-    product(of, other).powi(2) / squares.max(f64::MIN_POSITIVE)
 }
 
 fn within_torque(robot: &Robot, run: &Run) -> bool {
@@ -494,12 +541,16 @@ fn truth(
         (CaseKind::Pair, Some(design)) => {
             let name = design.truth(random);
             let joint = random.index(stand.sizes.len());
-            let effect = stand.effect(name, joint, plan.rig, plan.level, random)?;
-            Ok(effect.map(|effect| Truth {
+            let Some(effect) = stand.effect(name, joint, plan.rig, plan.level, random)? else {
+                return Ok(None);
+            };
+            let truth = Truth {
                 effects: vec![effect],
                 unlisted: None,
                 pair: design.alternatives(name),
-            }))
+            };
+            let is_alike = stand.is_alike(&truth, joint, plan.rig, random)?;
+            Ok(is_alike.then_some(truth))
         }
         _ => listed(plan, attempt, stand, random),
     }

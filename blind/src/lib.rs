@@ -19,6 +19,7 @@ mod course;
 mod disturbance;
 mod families;
 mod label;
+mod likeness;
 mod pairs;
 mod plan;
 mod random;

@@ -272,6 +272,16 @@ impl Unlisted {
         }
     }
 
+    /// How often it repeats in a turn of the motor, if it repeats with the joint's angle.
+    pub(crate) fn waves_per_motor_rev(&self, gear_ratio: f64) -> Option<f64> {
+        let per_joint_rev = match self {
+            Self::Detents { spacing_rad, .. } => TAU / spacing_rad,
+            Self::SpeedRipple { cycles, .. } => *cycles,
+            _ => return None,
+        };
+        Some(per_joint_rev / gear_ratio)
+    }
+
     /// The law at work on a joint, as strong as this.
     pub(crate) fn at(&self, joint: usize, nm: f64) -> Box<dyn Disturbance> {
         Box::new(at_work::AtWork::new(self.clone(), joint, nm))
