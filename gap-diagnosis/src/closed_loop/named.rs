@@ -5,9 +5,9 @@ use crate::twin::TwinError;
 use recording::Recording;
 use robot::Robot;
 
+use super::joint::{Joint, ROUNDS};
 use super::refine::{Worth, refined};
 use super::rows::{About, Compared};
-use super::{Joint, ROUNDS};
 use crate::closed_loop::repeated::Repeated;
 use crate::closed_loop::search::{Model, Search};
 use crate::diagnose::{DiagnoseError, prepared};

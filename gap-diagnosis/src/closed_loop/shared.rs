@@ -7,8 +7,9 @@ use nalgebra::DVector;
 use robot::{Effect, Robot};
 
 use super::bus::CommonDelay;
+use super::counted;
+use super::joint::{Explained, Joint};
 use super::rows::{About, OfArm, own_columns};
-use super::{Explained, Joint, counted};
 use crate::closed_loop::search::Term;
 use crate::effects::Hypothesis;
 use crate::evidence::Message;

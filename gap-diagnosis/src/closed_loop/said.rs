@@ -1,0 +1,235 @@
+//! From what explains a joint to what its report says of it.
+
+use crate::twin::TwinError;
+
+use crate::checks::data::ONE_FREQUENCY;
+use crate::checks::found::Found as Counted;
+use crate::closed_loop::search::{Model, Term};
+use crate::diagnose::JointTraces;
+use crate::evidence::ERRORS;
+use crate::evidence::shares::Interval;
+use crate::evidence::told::{Found, Said};
+use crate::report::{BeforeAfter, Gap, JointReport, SignalGap, Verdict};
+use crate::twin::observe::Channel;
+
+use super::bus::CommonDelay;
+use super::called::Responses;
+use super::counted;
+use super::joint::{Explained, Joint};
+
+/// What the arm shares.
+pub(super) struct Arm<'a> {
+    /// Name of a cause, and its columns.
+    pub shared: Option<(Option<&'static str>, usize)>,
+    /// A delay of its bus.
+    pub common: Option<&'a CommonDelay>,
+}
+
+/// What is told of a joint.
+pub(super) struct Told {
+    /// For the report.
+    pub report: JointReport,
+    /// For its pictures.
+    pub traces: JointTraces,
+    /// Share of the cause that the arm shares.
+    pub shared: Option<Interval>,
+    /// Share of the delay that the arm has in common.
+    pub delay_share: f64,
+}
+
+impl Joint<'_> {
+    /// What the other joints do, rows of the motor's signal.
+    fn others_moving(&self) -> Vec<Vec<f64>> {
+        let of_motor = self.compared.motor_rows();
+        let others = self.search.twin.others().into_iter();
+        others
+            .map(|of| of_motor.iter().map(|k| of[*k]).collect())
+            .collect()
+    }
+
+    fn signals(&self, gap_nm: &[f64]) -> Vec<SignalGap> {
+        let channels = self.search.twin.channels.iter().zip(&self.compared.spans);
+        let mut all: Vec<SignalGap> = channels
+            .map(|(channel, span)| {
+                let own = &gap_nm[span.rows.clone()];
+                let square = own.iter().map(|x| x * x).sum::<f64>() / own.len().max(1) as f64;
+                SignalGap {
+                    signal: channel.signal().to_owned(),
+                    gap_to_noise: square.sqrt() / span.floor_nm.max(f64::MIN_POSITIVE),
+                }
+            })
+            .collect();
+        all.sort_by(|a, b| b.gap_to_noise.total_cmp(&a.gap_to_noise));
+        all
+    }
+
+    pub fn said(
+        &self,
+        name: &str,
+        explained: &Explained,
+        counted: &[Counted],
+        arm: &Arm<'_>,
+        materiality: f64,
+    ) -> Result<Told, TwinError> {
+        let rows = self.rows()?;
+        let gap_nm = self
+            .compared
+            .pick(&self.search.residual_nm(&Model::default())?);
+        let best = explained.sets[0];
+        let left = explained.evidence.mean_squares(best.names);
+        let settled = explained.evidence.settled();
+        let mut above = left.iter().zip(settled);
+        let is_at_floor = above.all(|(left, settled)| *left <= ERRORS.powi(2) * settled.floor);
+        let called = Responses {
+            search: &self.search,
+            about: &explained.about,
+        };
+        let found = Found {
+            joint: name,
+            rows: &rows,
+            called: &called,
+            gear_ratio: self.search.scale.gear_ratio,
+            friction: &self.search.twin.nominal.friction,
+            noise_square: explained.evidence.floor_square(best.names),
+            evidence: &explained.evidence,
+            sets: &explained.sets,
+            leaves: None,
+            is_at_floor: Some(is_at_floor),
+            shared: arm.shared.as_slice(),
+            of_links: None,
+            signals: self.signals(&gap_nm),
+            is_one_frequency: self.poverty == Some(ONE_FREQUENCY),
+            materiality,
+        };
+        let Said {
+            mut report, shared, ..
+        } = found.said(&self.others_moving());
+        report.gap = self.gap(&report, &gap_nm, left[0]);
+        let settled_shares = self.settled_shares(explained, &gap_nm)?;
+        let rest = 1.0 - settled_shares.iter().sum::<f64>();
+        let shared = shared.first().map(|share| Interval {
+            value: rest * share.value,
+            low: rest * share.low,
+            high: rest * share.high,
+        });
+        let is_common = |found: &Counted| {
+            let common = arm.common;
+            common.is_some_and(|common| common.is_seen_as(found, self.index))
+        };
+        counted::add(&mut report, counted, &settled_shares, is_common);
+        let settled = counted.iter().filter(|found| counted::is_settled(found));
+        let in_common = settled.zip(&settled_shares);
+        let in_common = in_common.filter(|(found, _)| is_common(found));
+        let delay_share = in_common.map(|(_, share)| share).sum();
+        let model = &explained.about.model;
+        report.gap.position_rms_rad =
+            crate::closed_loop::values::position_rms_rad(&self.search, &Model::default(), model)?;
+        Ok(Told {
+            report,
+            traces: self.traces(name, model)?,
+            shared,
+            delay_share,
+        })
+    }
+
+    /// Parts of the gap that delay and lag take, each, beside what the file's values are in the end: what each takes off, over both
+    /// orders of the two (Shapley).
+    fn settled_shares(&self, explained: &Explained, gap_nm: &[f64]) -> Result<Vec<f64>, TwinError> {
+        if self.settled.is_empty() {
+            return Ok(Vec::new());
+        }
+        let Explained {
+            about,
+            evidence,
+            sets,
+        } = explained;
+        let beside = evidence.values_beside(sets[0].names);
+        let square = |gap_nm: &[f64]| {
+            let mut without_nm = gap_nm.to_vec();
+            for (column, value) in about.known.iter().zip(&beside) {
+                let rows = without_nm.iter_mut().zip(column);
+                rows.for_each(|(row, x)| *row -= value * x);
+            }
+            evidence.square(&without_nm)
+        };
+        let with: f64 = evidence.left_at(0, &beside).iter().sum();
+        let without = square(gap_nm);
+        let taken = (1.0 - with / without.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let [one, other] = self.settled.as_slice() else {
+            return Ok(vec![taken]);
+        };
+        let alone = |term: &Term| -> Result<f64, TwinError> {
+            let model = Model::of_settled(&self.search, std::slice::from_ref(term));
+            let left_nm = self.compared.pick(&self.search.residual_nm(&model)?);
+            Ok(square(&left_nm))
+        };
+        let [one, other] = [alone(one)?, alone(other)?];
+        let both = (without - with).max(f64::MIN_POSITIVE);
+        let first = (0.5 * (1.0 + (other - one) / both)).clamp(0.0, 1.0);
+        Ok(vec![taken * first, taken * (1.0 - first)])
+    }
+
+    /// Mean square of the motor's gap, and what nobody can tell of it.
+    fn motor_squares(&self, gap_nm: &[f64]) -> [f64; 2] {
+        let span = &self.compared.spans[0];
+        let own = &gap_nm[span.rows.clone()];
+        let square = own.iter().map(|x| x * x).sum::<f64>() / own.len().max(1) as f64;
+        [square, span.floor_nm.powi(2)]
+    }
+
+    /// How far the motor's gap shrinks to this mean square, above what nobody can tell.
+    pub fn shrink(&self, gap_nm: &[f64], after: f64) -> f64 {
+        let [before, noise] = self.motor_squares(gap_nm);
+        let above = |square: f64| (square - noise).max(0.0);
+        if above(before) > 0.0 {
+            1.0 - above(after) / above(before)
+        } else {
+            0.0
+        }
+    }
+
+    /// Of the motor's torque.
+    fn gap(&self, report: &JointReport, gap_nm: &[f64], after: f64) -> Gap {
+        let [before, noise] = self.motor_squares(gap_nm);
+        let shrink = if report.verdict == Verdict::NoGap {
+            0.0
+        } else {
+            self.shrink(gap_nm, after)
+        };
+        let told = &report.gap;
+        Gap {
+            torque_rms_nm: BeforeAfter {
+                before: before.sqrt(),
+                after: after.sqrt(),
+                noise_floor: noise.sqrt(),
+                held_out: true,
+            },
+            position_rms_rad: told.position_rms_rad,
+            shrink,
+            // as far from it as the interval of what all signals are told
+            shrink_low: (shrink - (told.shrink - told.shrink_low)).min(shrink),
+            shrink_high: (shrink + (told.shrink_high - told.shrink))
+                .clamp(shrink, f64::max(1.0, shrink)),
+        }
+    }
+
+    fn traces(&self, name: &str, model: &Model) -> Result<JointTraces, TwinError> {
+        let before_nm = self.search.residual_nm(&Model::default())?;
+        let after_nm = self.search.residual_nm(model)?;
+        let rows = &self.search.twin.rows;
+        let shown: Vec<usize> = (0..rows.len())
+            .filter(|k| rows[*k].channel == Channel::Motor && rows[*k].stretch == 0)
+            .collect();
+        let pick = |of: &dyn Fn(usize) -> f64| shown.iter().map(|k| of(*k)).collect::<Vec<f64>>();
+        let measured = &self.search.measured_nm;
+        Ok(JointTraces {
+            joint: name.to_owned(),
+            time_s: pick(&|k| rows[k].time_s),
+            measured_nm: pick(&|k| measured[k]),
+            nominal_nm: pick(&|k| measured[k] - before_nm[k]),
+            augmented_nm: pick(&|k| measured[k] - after_nm[k]),
+            position_rad: pick(&|k| rows[k].position_rad),
+            velocity_rad_s: pick(&|k| rows[k].velocity_rad_s),
+        })
+    }
+}
