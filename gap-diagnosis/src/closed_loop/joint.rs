@@ -106,13 +106,11 @@ impl<'a> Joint<'a> {
     /// names stay.
     pub fn explained(&self, begin: About, of_arm: Option<&OfArm>) -> Result<Explained, TwinError> {
         let mut explained = self.weighed(begin, of_arm);
-        for _ in 0..ROUNDS {
+        for round in 0..ROUNDS {
             let Some(best) = self.best_fitted(&explained)? else {
                 break;
             };
-            let is_settled = kinds_of(&best) == kinds_of(&explained.about.model)
-                && !explained.about.model.terms.is_empty();
-            if is_settled {
+            if round > 0 && kinds_of(&best) == kinds_of(&explained.about.model) {
                 break;
             }
             let mut about = About::of(&self.search, &self.compared, &best)?;
@@ -149,7 +147,8 @@ impl<'a> Joint<'a> {
         Ok(())
     }
 
-    /// Of the first few sets of different names the one that leaves least where it is simulated; none if that has no names.
+    /// Of the first few sets of different names the one that leaves least where it is simulated. Without names too: the file's values
+    /// respond otherwise beside what the arm shares, and where they are.
     fn best_fitted(&self, explained: &Explained) -> Result<Option<Model>, TwinError> {
         let Explained {
             about,
@@ -163,9 +162,6 @@ impl<'a> Joint<'a> {
                 tried.push((kinds, *set));
             }
         }
-        if tried.iter().all(|(kinds, _)| kinds.is_empty()) {
-            return Ok(None);
-        }
         let worth = Worth::of(&self.compared, evidence.settled());
         let fitted = tried
             .iter()
@@ -176,9 +172,7 @@ impl<'a> Joint<'a> {
             })
             .collect::<Result<Vec<(f64, Model)>, TwinError>>()?;
         let best = fitted.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
-        Ok(best
-            .map(|(_, model)| model)
-            .filter(|model| !model.terms.is_empty()))
+        Ok(best.map(|(_, model)| model))
     }
 
     /// Rows of the motor's signal, as they count.

@@ -417,6 +417,32 @@ pub fn own_columns(
         .collect()
 }
 
+/// The same, from a step either way: what a tilt about an axis along which gravity points does is of second order, which a step one
+/// way would show as of first.
+pub fn own_columns_both_ways(
+    search: &Search<'_>,
+    compared: &Compared,
+    model: &Model,
+    place: usize,
+) -> Result<Vec<Vec<f64>>, TwinError> {
+    let term = &model.terms[place];
+    let values = Search::values(&term.hypothesis);
+    (0..values)
+        .on_all_cores(|value| {
+            let at = |step: f64| {
+                let mut steps = vec![0.0; values];
+                steps[value] = step;
+                let mut beside = model.clone();
+                beside.terms[place] = search.stepped(term, &steps);
+                search.coarsely_nm(&beside)
+            };
+            let mut column = compared.pick(&difference(&at(1.0)?, &at(-1.0)?));
+            column.iter_mut().for_each(|x| *x *= 0.5);
+            Ok(column)
+        })
+        .collect()
+}
+
 fn add(sum: &mut [f64], column: &[f64], factor: f64) {
     if factor != 0.0 {
         for (sum, x) in sum.iter_mut().zip(column) {
