@@ -10,7 +10,8 @@ import numpy as np
 
 import files
 import motion
-from effects import EFFECTS, Site
+from effects import EFFECTS, UNLISTED, Site
+from in_common import in_common
 from rigs import ARMS, as_in_its_file
 from simulator import COMPUTED_TORQUE, LUGRE, Control, Course, Disturbance, simulate
 
@@ -202,6 +203,9 @@ def make(case):
     )
     set_limits(case, arm, course, control, disturbance, truth)
     outcome = moved(case, arm, course, control, disturbance)
+    for entry, (name, index, _) in zip(truth, case.effects, strict=True):
+        if name in UNLISTED:
+            entry["in_common"] = in_common(case, exact, arm, index, course, outcome)
     columns = damaged(case, recorded(case, arm, course, outcome, rng), rng)
     return known, arm, course, control, sensors, disturbance, outcome, columns, truth
 

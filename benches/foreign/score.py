@@ -17,8 +17,9 @@ Alike, because no recording of such a rig tells them apart: command and sensor d
 may be called base tilt, encoder offset or gravity torque. An effect of the whole arm (payload, tilt, timing) may be named at any
 joint, or as shared.
 
-A law on no list is judged at its joint: right if the verdict is `unexplained` or `unknown` leads the candidates; partly if it is
-`partly_explained`; missed if there is no gap; unsure; else wrong, a known name for an unknown law.
+A law on no list is judged at its joint by what names take of the gap there: right if there is a gap and no name takes more of it than
+that name has in common with the law (`in_common` of truth.json) and a tenth; missed if there is no gap; unsure; else wrong, a name
+for what is not its own.
 
 Parameters: of cases with one effect that is right or more, under its own name; amplitudes, gains and times, no phases, no cycles.
 The error is relative to the true value (of a gain, to its distance from 1); an interval is the value and 1.96 standard deviations.
@@ -33,9 +34,11 @@ ALIKE = ({"command_delay", "sensor_delay"},)
 TILT_ALIKE = {"base_tilt", "encoder_offset", "gravity_torque"}
 MAY_BE_SHARED = {"payload", "base_tilt", "command_delay", "sensor_delay", "dropped_commands", "dropped_samples"}
 QUIET = {"no_gap", "insufficient_data"}
-CLASSES = ("right", "more", "half", "partly", "wrong", "unexplained", "missed", "unsure", "failed")
+CLASSES = ("right", "more", "half", "wrong", "unexplained", "missed", "unsure", "failed")
 NOT_COMPARED = ("cycles", "phase", "exponent")
 SIGMAS = 1.96
+# Part of a gap that a name may take beyond what it has in common with the law that made it.
+BEYOND = 0.1
 
 
 def wilson(hits, count):
@@ -62,12 +65,15 @@ def confusable(joint):
     return {name for pair in joint.get("confusable", []) for name in pair["effects"]}
 
 
-def judge_unlisted(effect, joints):
+def judge_unlisted(effect, joints, shared):
     joint = next(joint for joint in joints if joint["joint"] == effect["joint"])
-    candidates = joint.get("candidates", [])
-    if joint["verdict"] == "unexplained" or (candidates and candidates[0]["effect"] == "unknown"):
-        return "right"
-    return {"partly_explained": "partly", "no_gap": "missed", "insufficient_data": "unsure"}.get(joint["verdict"], "wrong")
+    if joint["verdict"] in QUIET:
+        return {"no_gap": "missed", "insufficient_data": "unsure"}[joint["verdict"]]
+    takes = [(entry["effect"], entry["share"]) for entry in joint.get("effects", [])]
+    at_joint = [(entry["effect"], entry["joint_shares"].get(joint["joint"])) for entry in shared]
+    takes += [(name, here["share"]) for name, here in at_joint if here]
+    is_its_own = all(share <= effect["in_common"].get(name, 0.0) + BEYOND for name, share in takes)
+    return "right" if is_its_own else "wrong"
 
 
 def judge_listed(effects, joints, shared):
@@ -100,12 +106,13 @@ def judge(truth, report):
     """One of CLASSES."""
     if report is None:
         return "failed"
-    joints, shared = report["joints"], [entry["effect"] for entry in report.get("shared_effects", [])]
+    joints, causes = report["joints"], report.get("shared_effects", [])
+    shared = [entry["effect"] for entry in causes]
     if not truth["effects"]:
         quiet = all(joint["verdict"] in QUIET for joint in joints) and not shared
         return "right" if quiet else "wrong"
     unlisted = [effect for effect in truth["effects"] if effect["effect"].startswith("x_")]
-    return judge_unlisted(unlisted[0], joints) if unlisted else judge_listed(truth["effects"], joints, shared)
+    return judge_unlisted(unlisted[0], joints, causes) if unlisted else judge_listed(truth["effects"], joints, shared)
 
 
 def in_words(report, error):
@@ -232,15 +239,14 @@ def markdown_table(head, rows):
 
 def group_table(title, counts):
     head = [title, "no gap", "false alarms", "share", "listed"]
-    listed = [name for name in CLASSES if name != "partly"]
     unlisted = [name for name in CLASSES if name not in ("more", "half", "unexplained")]
-    head += [*listed, "share right", "on no list", *unlisted, "share right"]
+    head += [*CLASSES, "share right", "on no list", *unlisted, "share right"]
     rows = []
     for name, line in counts.items():
         # a failure on a case without a gap is no false alarm, and is not hidden either
         alarms = line["false_alarms"] if not line["failed_none"] else f"{line['false_alarms']}, {line['failed_none']} failed"
         cells = [name, line["none"], alarms, share(line["false_alarm_share"]), line["listed"]]
-        cells += [line["classes"]["listed"].get(kind, 0) for kind in listed] + [share(line["listed_share"]), line["unlisted"]]
+        cells += [line["classes"]["listed"].get(kind, 0) for kind in CLASSES] + [share(line["listed_share"]), line["unlisted"]]
         cells += [line["classes"]["unlisted"].get(kind, 0) for kind in unlisted] + [share(line["unlisted_share"])]
         rows.append(cells)
     return markdown_table(head, rows)

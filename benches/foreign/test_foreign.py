@@ -149,6 +149,17 @@ class Cases(unittest.TestCase):
         change_nm = arm.joints[0]["coulomb_nm"] - known.joints[0]["coulomb_nm"]
         self.assertAlmostEqual(truth[0]["parameters"]["coulomb_nm"], change_nm)
 
+    def test_a_law_has_in_common_with_names_what_its_shape_says(self):
+        """A cube over speeds up to its largest is nearer to a square than to a line, and nothing like a spring."""
+        *_, (law,) = cases.make(case(effects=[["x_cubic", 0, 1.0]]))
+        common = law["in_common"]
+        self.assertGreater(common["quadratic_friction"], common["viscous_friction"])
+        self.assertGreater(common["viscous_friction"], common["coulomb_friction"])
+        self.assertGreater(common["quadratic_friction"], 0.9)
+        self.assertLess(common["joint_spring"], 0.3)
+        *_, (wall,) = cases.make(case(effects=[["x_wall", 0, 1.0]]))
+        self.assertGreater(wall["in_common"]["joint_spring"], wall["in_common"]["viscous_friction"])
+
     def test_a_second_trajectory_knows_nothing_of_the_first(self):
         """A delay reaches back to its own trajectory's beginning only."""
         _, _, course, *_, outcome, _, _ = cases.make(case(effects=[["sensor_delay", 0, 1.0]], segments=2, duration_s=8.0))
@@ -161,11 +172,10 @@ def report(*joints, shared=()):
     return {"joints": list(joints), "shared_effects": [{"effect": name} for name in shared]}
 
 
-def joint(verdict, *names, name="axis", leading=None, confusable=()):
-    said = [{"effect": effect, "probability": 0.9, "parameters": {}} for effect in names]
-    candidates = [{"effect": leading or (names[0] if names else "none"), "probability": 0.9}]
+def joint(verdict, *names, name="axis", share=1.0, confusable=()):
+    said = [{"effect": effect, "probability": 0.9, "share": share, "parameters": {}} for effect in names]
     pairs = [{"effects": list(pair)} for pair in confusable]
-    return {"joint": name, "verdict": verdict, "effects": said, "candidates": candidates, "confusable": pairs}
+    return {"joint": name, "verdict": verdict, "effects": said, "confusable": pairs}
 
 
 def truth(*names, at="axis", shared=False):
@@ -221,11 +231,16 @@ class Judge(unittest.TestCase):
 
     def test_on_no_list(self):
         true = truth("x_wall")
+        true["effects"][0]["in_common"] = {"joint_spring": 0.6}
         self.check("right", true, report(joint("unexplained")))
-        self.check("right", true, report(joint("explained", "joint_spring", leading="unknown")))
-        self.check("partly", true, report(joint("partly_explained", "joint_spring")))
-        self.check("wrong", true, report(joint("explained", "joint_spring")))
+        self.check("right", true, report(joint("partly_explained", "joint_spring", share=0.69)))
+        self.check("wrong", true, report(joint("partly_explained", "joint_spring", share=0.71)))
+        self.check("right", true, report(joint("partly_explained", "payload", share=0.09)))
+        self.check("wrong", true, report(joint("partly_explained", "payload", share=0.11)))
         self.check("missed", true, report(joint("no_gap")))
+        of_arm = report(joint("explained"), shared=["payload"])
+        of_arm["shared_effects"][0]["joint_shares"] = {"axis": {"share": 0.8}}
+        self.check("wrong", true, of_arm)
 
     def test_parameters(self):
         true = truth("torque_constant_error")
