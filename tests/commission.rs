@@ -158,11 +158,14 @@ impl Terminal {
                 return;
             }
             let over = self.child.try_wait().expect("a child").is_some();
+            std::thread::sleep(Duration::from_millis(20));
+            // what it said last may come after its end is seen
+            let said = self.said();
+            let is_late = over && !said[self.read_to..].contains(wanted);
             assert!(
-                begun.elapsed() < PATIENCE && !over,
+                begun.elapsed() < PATIENCE && !is_late,
                 "never said: {wanted}\n--- it said\n{said}"
             );
-            std::thread::sleep(Duration::from_millis(20));
         }
     }
 
