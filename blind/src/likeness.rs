@@ -47,17 +47,7 @@ pub(crate) fn shapes(effect: Effect, waves: Option<f64>) -> Vec<Vec<Effect>> {
             cycles_per_motor_rev,
             ..
         } => at_waves(cycles_per_motor_rev, &|cycles_per_motor_rev, phase_rad| {
-            Effect::KinematicError {
-                amplitude_rad,
-                cycles_per_motor_rev,
-                phase_rad,
-                amplitude_rad_2: 0.0,
-                cycles_per_motor_rev_2: 0.0,
-                phase_rad_2: 0.0,
-                amplitude_rad_3: 0.0,
-                cycles_per_motor_rev_3: 0.0,
-                phase_rad_3: 0.0,
-            }
+            Effect::kinematic_error(amplitude_rad, cycles_per_motor_rev, phase_rad)
         }),
         // an encoder shows the same after a turn of its own shaft, not after the law's
         Effect::EncoderEccentricity {

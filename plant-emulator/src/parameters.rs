@@ -183,17 +183,7 @@ impl PlantParameters {
                     damping_nm_s_rad: 1e-4 * stiffness_nm_rad,
                     exponent: 1.0,
                 },
-                Effect::KinematicError {
-                    amplitude_rad: GENERIC_KINEMATIC_ERROR_RAD,
-                    cycles_per_motor_rev: 2.0,
-                    phase_rad: 0.0,
-                    amplitude_rad_2: 0.0,
-                    cycles_per_motor_rev_2: 0.0,
-                    phase_rad_2: 0.0,
-                    amplitude_rad_3: 0.0,
-                    cycles_per_motor_rev_3: 0.0,
-                    phase_rad_3: 0.0,
-                },
+                Effect::kinematic_error(GENERIC_KINEMATIC_ERROR_RAD, 2.0, 0.0),
             ];
         }
         parameters

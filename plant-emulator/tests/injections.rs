@@ -339,17 +339,7 @@ fn what_begins_during_the_run_does_so_without_a_jump() {
     let robot = uncoupled();
     let smooth = [
         Effect::CoulombFriction { coulomb_nm: 1.0 },
-        Effect::KinematicError {
-            amplitude_rad: 2e-4,
-            cycles_per_motor_rev: 2.0,
-            phase_rad: 1.5,
-            amplitude_rad_2: 0.0,
-            cycles_per_motor_rev_2: 0.0,
-            phase_rad_2: 0.0,
-            amplitude_rad_3: 0.0,
-            cycles_per_motor_rev_3: 0.0,
-            phase_rad_3: 0.0,
-        },
+        Effect::kinematic_error(2e-4, 2.0, 1.5),
         Effect::TorsionalCompliance {
             stiffness_nm_rad: -4000.0,
         },

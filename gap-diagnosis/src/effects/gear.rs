@@ -13,17 +13,7 @@ pub const KINEMATIC_ERROR: Form = Form {
     has_harmonics: true,
     ..Form::wave(|amplitude, cycles, scale| {
         let Wave { size, phase_rad } = Wave::of(amplitude);
-        Effect::KinematicError {
-            amplitude_rad: size * twist_step_rad(scale),
-            cycles_per_motor_rev: cycles,
-            phase_rad,
-            amplitude_rad_2: 0.0,
-            cycles_per_motor_rev_2: 0.0,
-            phase_rad_2: 0.0,
-            amplitude_rad_3: 0.0,
-            cycles_per_motor_rev_3: 0.0,
-            phase_rad_3: 0.0,
-        }
+        Effect::kinematic_error(size * twist_step_rad(scale), cycles, phase_rad)
     })
 };
 

@@ -415,6 +415,21 @@ impl Effect {
         <EffectKind as strum::VariantNames>::VARIANTS
     }
 
+    /// A kinematic error of one harmonic: so many radians of the joint, so often in a turn of the motor, at this phase.
+    pub fn kinematic_error(amplitude_rad: f64, cycles_per_motor_rev: f64, phase_rad: f64) -> Self {
+        Self::KinematicError {
+            amplitude_rad,
+            cycles_per_motor_rev,
+            phase_rad,
+            amplitude_rad_2: 0.0,
+            cycles_per_motor_rev_2: 0.0,
+            phase_rad_2: 0.0,
+            amplitude_rad_3: 0.0,
+            cycles_per_motor_rev_3: 0.0,
+            phase_rad_3: 0.0,
+        }
+    }
+
     /// As the keys of a TOML table.
     ///
     /// # Errors
