@@ -1,5 +1,5 @@
-//! A planar arm whose friction the file tells: what a tilted base does to its joints is one cause, beside values that are off within their
-//! tolerance.
+//! A planar arm whose friction the file tells: what a tilted base does to its joints is one cause of its true size, beside values that
+//! are off within their tolerance.
 
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
@@ -27,7 +27,7 @@ fn robot(mass_kg: [f64; 2], gravity_m_s2: [f64; 3]) -> Robot {
             "[[link]]\njoint = \"{name}\"\norigin_m = [0.0, 0.0, 0.35]\naxis = [0.0, 1.0, 0.0]\nmass_kg = {}\n\
              centre_of_mass_m = [0.0, 0.0, 0.22]\n\
              inertia_kg_m2 = {{ xx = 0.05, yy = 0.05, zz = 0.02, xy = 0.0, yz = 0.0, xz = 0.0 }}\n\
-             [[joint]]\nname = \"{name}\"\nmotor_encoder_resolution_rad = 1e-5\ntorque_noise_nm = 0.05\neffects = [\n\
+             [[joint]]\nname = \"{name}\"\nmotor_encoder_resolution_rad = 1e-5\ntorque_noise_nm = 0.012\neffects = [\n\
              {{ effect = \"coulomb_friction\", coulomb_nm = {} }},\n\
              {{ effect = \"viscous_friction\", viscous_nm_s_rad = {} }}]\n",
             mass_kg[joint], COULOMB_NM[joint], VISCOUS_NM_S_RAD[joint]
@@ -65,7 +65,7 @@ fn recorded(real: &Robot, rubs: f64) -> Recording {
             let friction = COULOMB_NM[joint] * (velocity[joint] / 1e-3).tanh()
                 + VISCOUS_NM_S_RAD[joint] * velocity[joint];
             column[0].push(position[joint]);
-            column[1].push(torque_nm[joint] + rubs * friction + 0.08 * noise);
+            column[1].push(torque_nm[joint] + rubs * friction + 0.02 * noise);
         }
     }
     let both = JOINTS.iter().zip(columns);
@@ -88,12 +88,12 @@ fn recorded(real: &Robot, rubs: f64) -> Recording {
 
 #[test]
 fn a_tilted_base_under_a_planar_arm_is_one_cause() {
-    let pitch_rad: f64 = 0.05;
+    let pitch_rad: f64 = 0.1;
     let gravity_m_s2 = [9.81 * pitch_rad.sin(), 0.0, -9.81 * pitch_rad.cos()];
-    // heavier by one standard deviation than the file says, and with less friction
-    let real = robot([1.02 * MASS_KG[0], 1.02 * MASS_KG[1]], gravity_m_s2);
+    // heavier by two standard deviations than the file says, so that a tilt weighs more too, and with less friction
+    let real = robot(MASS_KG.map(|mass_kg| 1.04 * mass_kg), gravity_m_s2);
     let file = robot(MASS_KG, UPRIGHT);
-    let recordings = [("log".to_owned(), recorded(&real, 0.97))];
+    let recordings = [("log".to_owned(), recorded(&real, 0.96))];
     assert_eq!(Engine::for_robot(&file, &recordings), Engine::ClosedLoop);
     let report = diagnose(&file, &recordings, &Options::default(), &|_| ())
         .unwrap()
@@ -104,7 +104,7 @@ fn a_tilted_base_under_a_planar_arm_is_one_cause() {
     let told = &report.shared_effects[0].effect.parameters;
     let pitch = &told["pitch_rad"];
     assert!(
-        (pitch.value.abs() - pitch_rad).abs() < 3.0 * pitch.std.max(1e-3),
+        (pitch.value.abs() - pitch_rad).abs() < 3.0 * pitch.std,
         "{pitch:?}"
     );
     // nothing in the plane tells the roll, which is said to be as open as it was

@@ -4,7 +4,7 @@
 use crate::twin::TwinError;
 use nalgebra::{DMatrix, DVector};
 
-use super::rows::{Compared, own_columns};
+use super::rows::{Compared, Step, own_columns};
 use crate::closed_loop::search::{Model, Search, Term, difference};
 use crate::evidence::{DEVIATIONS, Settled};
 
@@ -84,7 +84,13 @@ pub fn refined(
     for _ in 0..STEPS {
         let mut columns: Vec<Vec<f64>> = known.to_vec();
         for place in 0..model.terms.len() {
-            columns.extend(own_columns(search, compared, &base_nm, &model, place)?);
+            columns.extend(own_columns(
+                search,
+                compared,
+                &model,
+                place,
+                Step::Ahead(&base_nm),
+            )?);
         }
         let Some(step) = step(worth, &columns, known.len(), &model, &left_nm) else {
             break;

@@ -143,7 +143,7 @@ impl About {
         }
         let mut responses = Vec::new();
         for (place, term) in model.terms.iter().enumerate() {
-            let mut columns = own_columns(search, compared, &base_nm, &model, place)?;
+            let mut columns = own_columns(search, compared, &model, place, Step::Ahead(&base_nm))?;
             let mut term = term.clone();
             if term.hypothesis.is_switch() {
                 // there or not: beside the shape's response, that to its being there
@@ -395,50 +395,44 @@ impl Response {
     }
 }
 
+/// From where the response to a step is taken.
+#[derive(Clone, Copy)]
+pub enum Step<'a> {
+    /// From what the model itself shows.
+    Ahead(&'a [f64]),
+    /// From a step back: what a tilt about an axis along which gravity points does is of second order, which a step one way would show
+    /// as of first.
+    BothWays,
+}
+
 /// Responses to the values of one of the model's own terms.
 pub fn own_columns(
     search: &Search<'_>,
     compared: &Compared,
-    base_nm: &[f64],
     model: &Model,
     place: usize,
+    step: Step<'_>,
 ) -> Result<Vec<Vec<f64>>, TwinError> {
     let term = &model.terms[place];
     let values = Search::values(&term.hypothesis);
     (0..values)
         .on_all_cores(|value| {
-            let mut steps = vec![0.0; values];
-            steps[value] = 1.0;
-            let mut beside = model.clone();
-            beside.terms[place] = search.stepped(term, &steps);
-            let raw = difference(&search.coarsely_nm(&beside)?, base_nm);
-            Ok(compared.pick(&raw))
-        })
-        .collect()
-}
-
-/// The same, from a step either way: what a tilt about an axis along which gravity points does is of second order, which a step one
-/// way would show as of first.
-pub fn own_columns_both_ways(
-    search: &Search<'_>,
-    compared: &Compared,
-    model: &Model,
-    place: usize,
-) -> Result<Vec<Vec<f64>>, TwinError> {
-    let term = &model.terms[place];
-    let values = Search::values(&term.hypothesis);
-    (0..values)
-        .on_all_cores(|value| {
-            let at = |step: f64| {
+            let at = |size: f64| {
                 let mut steps = vec![0.0; values];
-                steps[value] = step;
+                steps[value] = size;
                 let mut beside = model.clone();
                 beside.terms[place] = search.stepped(term, &steps);
                 search.coarsely_nm(&beside)
             };
-            let mut column = compared.pick(&difference(&at(1.0)?, &at(-1.0)?));
-            column.iter_mut().for_each(|x| *x *= 0.5);
-            Ok(column)
+            let ahead_nm = at(1.0)?;
+            Ok(match step {
+                Step::Ahead(base_nm) => compared.pick(&difference(&ahead_nm, base_nm)),
+                Step::BothWays => {
+                    let mut column = compared.pick(&difference(&ahead_nm, &at(-1.0)?));
+                    column.iter_mut().for_each(|x| *x *= 0.5);
+                    column
+                }
+            })
         })
         .collect()
 }

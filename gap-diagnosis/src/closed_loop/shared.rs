@@ -9,7 +9,7 @@ use robot::{Effect, Robot};
 use super::bus::CommonDelay;
 use super::counted;
 use super::joint::{Explained, Joint};
-use super::rows::{About, OfArm, own_columns_both_ways};
+use super::rows::{About, OfArm, Step, own_columns};
 use crate::closed_loop::search::Term;
 use crate::effects::Hypothesis;
 use crate::evidence::Message;
@@ -57,7 +57,7 @@ fn beside(
     };
     let mut model = begin.model.clone();
     model.terms.insert(0, term.clone());
-    let mut columns = own_columns_both_ways(search, &joint.compared, &model, 0)?;
+    let mut columns = own_columns(search, &joint.compared, &model, 0, Step::BothWays)?;
     for (column, step) in columns.iter_mut().zip(&steps) {
         column.iter_mut().for_each(|x| *x /= step);
     }

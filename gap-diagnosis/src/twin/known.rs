@@ -172,6 +172,13 @@ impl KnownValue {
         matches!(self.known, Known::Rounding | Known::Creep(_))
     }
 
+    /// A chain whose link has [`LINK_STEP`] more of it; none if no body can.
+    fn changed(&self, chain: &Chain) -> Option<Chain> {
+        let mut links = chain.links().to_vec();
+        self.known.multiply(&mut links, 1.0 + LINK_STEP);
+        Chain::new(&links, chain.gravity_m_s2(), chain.tool()).ok()
+    }
+
     /// Changes the model by so many standard deviations.
     pub fn apply(&self, model: &mut JointModel, deviations: f64) {
         let change = deviations * self.deviation;
@@ -329,28 +336,16 @@ pub fn of_links(
             let deviation = robot.tolerance.of(name);
             (is_there && deviation > 0.0).then_some(KnownValue { known, deviation })
         });
-    let mut chains = vec![robot.chain.clone()];
-    let mut values = Vec::new();
-    for value in all {
-        let mut links = links.to_vec();
-        value.known.multiply(&mut links, 1.0 + LINK_STEP);
-        let changed = Chain::new(&links, robot.chain.gravity_m_s2(), robot.chain.tool());
-        if let Ok(chain) = changed {
-            chains.push(chain);
-            values.push(value);
-        }
-    }
-    let loads: Vec<_> = motions
+    let values: Vec<KnownValue> = all
+        .filter(|value| value.changed(&robot.chain).is_some())
+        .collect();
+    let along: Vec<Vec<LoadChange>> = motions
         .iter()
-        .map(|motion| motion.at_knots_of(&chains, joint))
+        .map(|motion| link_changes(&robot.chain, joint, motion, &values))
         .collect();
     let mut found: Vec<(KnownValue, Vec<LoadChange>, f64)> = Vec::new();
     for (place, value) in values.into_iter().enumerate() {
-        let factor = value.deviation / LINK_STEP;
-        let changes = loads
-            .iter()
-            .map(|loads| LoadChange::between(&loads[0], &loads[place + 1]).times(factor));
-        let changes: Vec<LoadChange> = changes.collect();
+        let changes: Vec<LoadChange> = along.iter().map(|of| of[place].clone()).collect();
         let sizes_nm = changes
             .iter()
             .zip(motions)
@@ -367,6 +362,25 @@ pub fn of_links(
         .filter(|(.., size_nm)| *size_nm > PART_MIN * largest_nm)
         .map(|(value, changes, _)| (value, changes))
         .collect()
+}
+
+/// How a joint's load changes by a standard deviation of each of these values of links.
+pub(crate) fn link_changes(
+    chain: &Chain,
+    joint: usize,
+    motion: &Motion,
+    values: &[KnownValue],
+) -> Vec<LoadChange> {
+    let own = values.iter().map(|value| value.changed(chain));
+    // a chain that could not be is not changed
+    let own = own.map(|changed| changed.unwrap_or_else(|| chain.clone()));
+    let chains: Vec<Chain> = [chain.clone()].into_iter().chain(own).collect();
+    let loads = motion.at_knots_of(&chains, joint);
+    let both = values.iter().zip(&loads[1..]);
+    both.map(|(value, load)| {
+        LoadChange::between(&loads[0], load).times(value.deviation / LINK_STEP)
+    })
+    .collect()
 }
 
 #[cfg(test)]

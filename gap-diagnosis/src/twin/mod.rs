@@ -130,7 +130,8 @@ struct Piece<'a> {
     /// The robot file's controller, or the same.
     controller: Feedback,
     band: Band,
-    links: Vec<Option<LoadChange>>,
+    /// Values of links, last among what is known, and how the load changes with a standard deviation of each.
+    links: Vec<(KnownValue, LoadChange)>,
     /// How the load changes with inertia added to the link about the joint's axis, per kg m².
     link_inertia: LoadChange,
     /// How the load changes with payload and tilt.
@@ -183,16 +184,13 @@ impl<'a> JointTwin<'a> {
         };
         let mut known = known::of_joint(&nominal, &robot.tolerance, every);
         let links = known::of_links(robot, joint, &motions);
-        let beside = known.len();
         known.extend(links.iter().map(|(known, _)| known.clone()));
         let mut pieces = Vec::with_capacity(there.len());
         for (index, &(stretch, signals)) in there.iter().enumerate() {
-            let mut of_piece: Vec<Option<LoadChange>> = vec![None; beside];
-            of_piece.extend(
-                links
-                    .iter()
-                    .map(|(_, changes)| Some(changes[index].clone())),
-            );
+            let of_piece = links
+                .iter()
+                .map(|(value, changes)| (value.clone(), changes[index].clone()));
+            let of_piece = of_piece.collect();
             pieces.push(Piece::new(robot, joint, stretch, signals, of_piece)?);
         }
         let rows = rows(&pieces, &channels, &nominal);
@@ -431,10 +429,11 @@ impl<'a> JointTwin<'a> {
 
     /// What the joint carries with these changes.
     fn load(&self, piece: &Piece<'a>, changes: &Changes, substeps: Substeps) -> Arc<Load> {
-        let known = changes.known.iter().zip(&piece.links);
+        let of_links = self.known.len() - piece.links.len();
+        let known = changes.known.iter().enumerate();
         let of_load = Changes {
             known: known
-                .map(|(deviations, link)| link.as_ref().map_or(0.0, |_| *deviations))
+                .map(|(place, moved)| if place < of_links { 0.0 } else { *moved })
                 .collect(),
             effects: changes
                 .effects
@@ -454,17 +453,25 @@ impl<'a> JointTwin<'a> {
 
     fn changed_load(&self, piece: &Piece<'a>, changes: &Changes, substeps: Substeps) -> Load {
         let motion = &piece.stretch.motion;
-        let whole_arm = &piece.whole_arm;
-        let mut sum = whole_arm
-            .change(&self.robot.chain, motion, &changes.effects)
+        let of_links = self.known.len() - piece.links.len();
+        let deviations = changes.known.get(of_links..).unwrap_or_default();
+        let mut sum = piece
+            .whole_arm
+            .change(
+                &self.robot.chain,
+                motion,
+                &changes.effects,
+                &piece.links,
+                deviations,
+            )
             .unwrap_or_default();
         for effect in &changes.effects {
             if let Effect::LinkInertia { inertia_kg_m2 } = *effect {
                 sum.add(&piece.link_inertia, inertia_kg_m2);
             }
         }
-        for (change, deviations) in piece.links.iter().zip(&changes.known) {
-            if let Some(change) = change.as_ref().filter(|_| *deviations != 0.0) {
+        for ((_, change), deviations) in piece.links.iter().zip(deviations) {
+            if *deviations != 0.0 {
                 sum.add(change, *deviations);
             }
         }
@@ -483,7 +490,7 @@ impl<'a> Piece<'a> {
         joint: usize,
         stretch: &'a Stretch,
         signals: &'a JointStretch,
-        links: Vec<Option<LoadChange>>,
+        links: Vec<(KnownValue, LoadChange)>,
     ) -> Result<Self, FilterError> {
         let mut tracking = control::tracking(robot, joint, stretch.rate_hz);
         if !signals.has_command {

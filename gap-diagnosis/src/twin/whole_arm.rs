@@ -2,7 +2,7 @@
 //!
 //! A load is linear in gravity and in the mass of a payload. In the payload's place it is a polynomial of second degree, which ten
 //! places determine. So a few loads are computed once, and every payload and tilt is a sum of them; so are both at once, for the
-//! payload's own weight tilts too.
+//! payload's own weight tilts too. So does what a link weighs more than its file says.
 
 use std::sync::OnceLock;
 
@@ -10,6 +10,7 @@ use joint_model::rigid_body::Chain;
 use nalgebra::{Isometry3, Vector3};
 use robot::Effect;
 
+use crate::twin::known::{self, KnownValue};
 use crate::twin::load::{AtKnot, LoadChange, Motion};
 
 /// From the last link's origin to the places of the payload.
@@ -38,6 +39,8 @@ pub(crate) struct WholeArm {
     gravity: OnceLock<Option<Vec<LoadChange>>>,
     /// How the latter change with a payload of a kilogram at each place: of each axis, one place after the other.
     weights: OnceLock<Option<Vec<LoadChange>>>,
+    /// How they change with a standard deviation of each value of links: of each axis, one value after the other.
+    links: OnceLock<Option<Vec<LoadChange>>>,
 }
 
 impl WholeArm {
@@ -48,11 +51,20 @@ impl WholeArm {
             payloads: OnceLock::new(),
             gravity: OnceLock::new(),
             weights: OnceLock::new(),
+            links: OnceLock::new(),
         }
     }
 
-    /// How these effects change the load; none where they change nothing, or the arm allows none.
-    pub fn change(&self, chain: &Chain, motion: &Motion, effects: &[Effect]) -> Option<LoadChange> {
+    /// How these effects change the load, with these values of links moved by so many standard deviations; none where they change
+    /// nothing, or the arm allows none.
+    pub fn change(
+        &self,
+        chain: &Chain,
+        motion: &Motion,
+        effects: &[Effect],
+        links: &[(KnownValue, LoadChange)],
+        deviations: &[f64],
+    ) -> Option<LoadChange> {
         if !effects.iter().any(Effect::is_whole_arm) {
             return None;
         }
@@ -91,6 +103,14 @@ impl WholeArm {
                 add(&weights.map(|weight| along * weight), changes);
             }
         }
+        if is_tilted && deviations.iter().any(|moved| *moved != 0.0) {
+            let of = || self.link_changes(chain, motion, links);
+            let changes = self.links.get_or_init(of).as_ref()?;
+            for (along, changes) in tilted.iter().zip(changes.chunks(links.len())) {
+                let weights: Vec<f64> = deviations.iter().map(|moved| along * moved).collect();
+                add(&weights, changes);
+            }
+        }
         Some(sum)
     }
 
@@ -120,6 +140,25 @@ impl WholeArm {
             for (mut change, payload) in both.into_iter().zip(payloads) {
                 change.add(payload, -1.0);
                 change.add(gravity, -1.0);
+                all.push(change);
+            }
+        }
+        Some(all)
+    }
+
+    fn link_changes(
+        &self,
+        chain: &Chain,
+        motion: &Motion,
+        links: &[(KnownValue, LoadChange)],
+    ) -> Option<Vec<LoadChange>> {
+        let (values, upright): (Vec<KnownValue>, Vec<LoadChange>) = links.iter().cloned().unzip();
+        let mut all = Vec::with_capacity(3 * links.len());
+        for axis in 0..3 {
+            let tilted = changed_chain(chain, more_along(chain, axis), &[])?;
+            let changes = known::link_changes(&tilted, self.joint, motion, &values);
+            for (mut change, upright) in changes.into_iter().zip(&upright) {
+                change.add(upright, -1.0);
                 all.push(change);
             }
         }
@@ -186,6 +225,7 @@ fn weights_at(place: Vector3<f64>) -> [f64; PLACES.len()] {
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
     use super::*;
+    use crate::twin::known::Known;
 
     const RATE_HZ: f64 = 200.0;
 
@@ -199,13 +239,28 @@ mod tests {
         Motion::of(&position_rad, RATE_HZ).unwrap()
     }
 
-    /// Of the sums, and of the arm with the effects.
-    fn both_ways(joint: usize, effects: &[Effect]) -> [LoadChange; 2] {
+    /// Of the sums, and of the arm with the effects; links heavier by so many standard deviations of 2 % than the file says.
+    fn both_ways(joint: usize, effects: &[Effect], deviations: f64) -> [LoadChange; 2] {
         let chain = robot::load("pa10").unwrap().chain;
         let motion = motion(7);
-        let sum = WholeArm::of(joint).change(&chain, &motion, effects);
-        let changed = changed_chain(&chain, chain.gravity_m_s2(), effects).unwrap();
-        let [from, to] = [&chain, &changed].map(|chain| motion.at_knots(chain, joint));
+        let mut heavier = chain.links().to_vec();
+        let values: Vec<KnownValue> = (0..heavier.len())
+            .map(|link| KnownValue {
+                known: Known::Mass(link),
+                deviation: 0.02,
+            })
+            .collect();
+        for value in &values {
+            let factor = 1.0 + deviations * value.deviation;
+            value.known.multiply(&mut heavier, factor);
+        }
+        let heavier = Chain::new(&heavier, chain.gravity_m_s2(), chain.tool()).unwrap();
+        let changes = known::link_changes(&chain, joint, &motion, &values);
+        let links: Vec<(KnownValue, LoadChange)> = values.into_iter().zip(changes).collect();
+        let moved = vec![deviations; links.len()];
+        let sum = WholeArm::of(joint).change(&chain, &motion, effects, &links, &moved);
+        let changed = changed_chain(&heavier, chain.gravity_m_s2(), effects).unwrap();
+        let [from, to] = [&heavier, &changed].map(|chain| motion.at_knots(chain, joint));
         [sum.unwrap(), LoadChange::between(&from, &to)]
     }
 
@@ -222,12 +277,14 @@ mod tests {
         let cases = [vec![payload], vec![tilt], vec![payload, tilt]];
         for effects in &cases {
             for joint in [1, 3, 6] {
-                let [sum, direct] = both_ways(joint, effects);
-                let off = sum.largest_difference(&direct);
-                assert!(
-                    off < 1e-6 * (1.0 + motion(7).rms_nm(joint, &direct)),
-                    "{joint}: {off}"
-                );
+                for deviations in [0.0, -2.0] {
+                    let [sum, direct] = both_ways(joint, effects, deviations);
+                    let off = sum.largest_difference(&direct);
+                    assert!(
+                        off < 1e-6 * (1.0 + motion(7).rms_nm(joint, &direct)),
+                        "{joint}, {deviations}: {off}"
+                    );
+                }
             }
         }
     }
@@ -238,7 +295,7 @@ mod tests {
         let offset = Effect::TorqueOffset { offset_nm: 1.0 };
         assert!(
             WholeArm::of(2)
-                .change(&chain, &motion(7), &[offset])
+                .change(&chain, &motion(7), &[offset], &[], &[])
                 .is_none()
         );
     }
