@@ -12,7 +12,7 @@ use crate::on_all_cores::OnAllCores;
 use crate::twin::JointTwin;
 
 use super::counted;
-use super::refine::{Worth, refined};
+use super::refine::{Refined, Worth, refined};
 use super::rows::{About, Compared, OfArm, kinds_of};
 
 /// Rounds in which the best set and the responses about it settle.
@@ -113,18 +113,27 @@ impl<'a> Joint<'a> {
             if round > 0 && kinds_of(&best) == kinds_of(&explained.about.model) {
                 break;
             }
-            let mut about = About::of(&self.search, &self.compared, &best)?;
-            if let Some(of_arm) = of_arm {
-                of_arm.add_to(&mut about);
-            }
-            explained = self.weighed(about, of_arm);
+            explained = self.weighed_about(&best, of_arm)?;
         }
-        self.take_back_imitations(&mut explained)?;
+        if self.take_back_imitations(&mut explained)? {
+            // what is left was fitted beside what is gone
+            let fitted = self.fitted(&explained, &explained.sets[0])?;
+            explained = self.weighed_about(&fitted.model, of_arm)?;
+            self.take_back_imitations(&mut explained)?;
+        }
         Ok(explained)
     }
 
-    /// Takes back names whose part of the gap a smooth law on no list explains better.
-    fn take_back_imitations(&self, explained: &mut Explained) -> Result<(), TwinError> {
+    fn weighed_about(&self, model: &Model, of_arm: Option<&OfArm>) -> Result<Explained, TwinError> {
+        let mut about = About::of(&self.search, &self.compared, model)?;
+        if let Some(of_arm) = of_arm {
+            of_arm.add_to(&mut about);
+        }
+        Ok(self.weighed(about, of_arm))
+    }
+
+    /// Takes back names whose part of the gap a smooth law on no list explains better; whether there were any.
+    fn take_back_imitations(&self, explained: &mut Explained) -> Result<bool, TwinError> {
         let Explained {
             about,
             evidence,
@@ -144,7 +153,7 @@ impl<'a> Joint<'a> {
         if names != best {
             about.model = about.told(&self.search, &evidence.fit(names));
         }
-        Ok(())
+        Ok(names != best)
     }
 
     /// Of the first few sets of different names the one that leaves least where it is simulated. Without names too: the file's values
@@ -162,17 +171,25 @@ impl<'a> Joint<'a> {
                 tried.push((kinds, *set));
             }
         }
-        let worth = Worth::of(&self.compared, evidence.settled());
         let fitted = tried
             .iter()
             .on_all_cores(|(_, set)| {
-                let start = about.told(&self.search, &evidence.fit(set.names));
-                let refined = refined(&self.search, &self.compared, &worth, &about.known, &start)?;
-                Ok((refined.nats + evidence.cost(set.names), refined.model))
+                let fitted = self.fitted(explained, set)?;
+                Ok((fitted.nats + evidence.cost(set.names), fitted.model))
             })
             .collect::<Result<Vec<(f64, Model)>, TwinError>>()?;
         let best = fitted.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
         Ok(best.map(|(_, model)| model))
+    }
+
+    /// A set, fitted by simulation.
+    fn fitted(&self, explained: &Explained, set: &Scored) -> Result<Refined, TwinError> {
+        let Explained {
+            about, evidence, ..
+        } = explained;
+        let worth = Worth::of(&self.compared, evidence.settled());
+        let start = about.told(&self.search, &evidence.fit(set.names));
+        refined(&self.search, &self.compared, &worth, &about.known, &start)
     }
 
     /// Rows of the motor's signal, as they count.
