@@ -59,12 +59,18 @@ pub(super) fn between(values: &[f64], at: f64) -> f64 {
 }
 
 /// The same along a curve that has no corner at a value: a cubic through the two around the place, with the slopes that their neighbours
-/// tell (Catmull and Rom, Computer Aided Geometric Design, 1974, 317-326).
+/// tell (Catmull and Rom, Computer Aided Geometric Design, 1974, 317-326). After the last one it goes on as it went.
 pub(super) fn smoothly_between(values: &[f64], at: f64) -> f64 {
     let last = values.len() - 1;
-    let at = at.clamp(0.0, last as f64);
+    let at = at.max(0.0);
     let before = at as usize;
-    let value = |place: usize| values[place.min(last)];
+    let value = |place: usize| match place.checked_sub(last) {
+        Some(after) if after > 0 => {
+            let step = values[last] - values[last.saturating_sub(1)];
+            values[last] + after as f64 * step
+        }
+        _ => values[place],
+    };
     let [a, b, c, d] = [
         value(before.saturating_sub(1)),
         value(before),
