@@ -75,8 +75,9 @@ pub const COMMAND_DELAY: Form = Form {
     })
 };
 
-/// Encoders show where a joint was, in periods of the samples. Commands that follow what they show do not tell it.
+/// Measurements come late to the controller, in periods of the samples.
 pub const SENSOR_DELAY: Form = Form {
+    may_show: |shown, _| shown.timing_is_open,
     is_positive: true,
     ..Form::of(|amplitude, _, scale| Effect::SensorDelay {
         delay_s: amplitude[0] * scale.period_s,

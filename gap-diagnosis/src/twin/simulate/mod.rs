@@ -216,15 +216,15 @@ struct Measured {
 }
 
 impl Measured {
-    /// Of a joint whose encoders are read at these angles of motor and link. Torques are not late with them: where both are, nothing that
-    /// is compared shows it, and the controller's commands do.
-    fn of(model: &JointModel, [motor_rad, link_rad]: [f64; 2], joint: &State) -> Self {
+    /// From motor and link angle, drive's and joint's torque, and what holds.
+    fn of(model: &JointModel, seen: [f64; 5]) -> Self {
+        let [motor_rad, link_rad, torque_nm, joint_torque_nm, holding_nm] = seen;
         Self {
             motor_rad: motor_rad + model.motor_fault_rad(motor_rad),
             link_rad: link_rad + model.link_fault_rad(link_rad),
-            torque_nm: joint.drive_nm,
-            joint_torque_nm: joint.joint_torque_nm,
-            holding_nm: joint.holding_nm,
+            torque_nm,
+            joint_torque_nm,
+            holding_nm,
         }
     }
 }
@@ -282,8 +282,7 @@ struct State {
     /// Where the encoders' steps lie, as parts of one: motor's and link's.
     rounding: [f64; 2],
     commands_nm: [f64; HISTORY],
-    /// Motor's and link's angle.
-    encoders_rad: [[f64; 2]; HISTORY],
+    seen: [[f64; 5]; HISTORY],
     newest: usize,
 }
 
@@ -312,7 +311,7 @@ impl State {
             hysteresis_nm: 0.0,
             rounding: [0.0; 2],
             commands_nm: [command_nm; HISTORY],
-            encoders_rad: [[motor_rad, link_rad]; HISTORY],
+            seen: [[motor_rad, link_rad, command_nm, load_nm, 0.0]; HISTORY],
             newest: 0,
         }
     }
@@ -329,15 +328,20 @@ impl State {
             + self.stand_in_twist_rad(model)
             + model.link_skew_s * self.link_rad_s
             + model.link_zero_rad;
-        self.encoders_rad[self.newest] = [self.motor_rad, link_rad];
+        self.seen[self.newest] = [
+            self.motor_rad,
+            link_rad,
+            self.drive_nm,
+            self.joint_torque_nm,
+            self.holding_nm,
+        ];
         let periods = model.sensor_delay_s / period_s;
-        let encoders_rad = if periods > 0.0 {
-            [0, 1]
-                .map(|encoder| delayed(periods, |age| self.encoders_rad[self.index(age)][encoder]))
+        let seen = if periods > 0.0 {
+            [0, 1, 2, 3, 4].map(|signal| delayed(periods, |age| self.seen[self.index(age)][signal]))
         } else {
-            self.encoders_rad[self.newest]
+            self.seen[self.newest]
         };
-        let shown = Measured::of(model, encoders_rad, self);
+        let shown = Measured::of(model, seen);
         let Some(noise) = noise else {
             return shown;
         };
