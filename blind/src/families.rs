@@ -373,7 +373,10 @@ fn sensing(name: &str, sizes: &Sizes, random: &mut Random) -> Option<Family> {
 fn timing(name: &str) -> Option<Family> {
     match name {
         "command_delay" => family(0.0, 0.02, |a| Effect::CommandDelay { delay_s: a }),
-        "sensor_delay" => family(0.0, 0.02, |a| Effect::SensorDelay { delay_s: a }),
+        "sensor_delay" => family(0.0, 0.02, |a| Effect::SensorDelay {
+            delay_s: a,
+            side: None,
+        }),
         "dropped_commands" => family(0.0, 0.6, |a| Effect::DroppedCommands { fraction: a }),
         "dropped_samples" => family(0.0, 0.6, |a| Effect::DroppedSamples { fraction: a }),
         _ => None,

@@ -80,8 +80,24 @@ impl Sensors {
         self.history[self.newest] = now;
         // noise and losses are drawn every period, used or not, so that one effect does not reshuffle another's
         let lost = self.drops.uniform() < timing.dropped_samples;
-        let reading = self.reading(&self.delayed(timing.sensor_delay_s / period_s), sensing);
+        let reading = self.reading(&self.seen(timing, period_s), sensing);
         (!lost).then_some(reading)
+    }
+
+    /// What the sensors show: of a while ago, and of still earlier what comes from an encoder that is later than the others.
+    fn seen(&self, timing: &Timing, period_s: f64) -> Observed {
+        let late = |more_s: f64| self.delayed((timing.sensor_delay_s + more_s) / period_s);
+        let [motor_s, link_s] = timing.encoder_delays_s;
+        let mut seen = late(0.0);
+        if motor_s > 0.0 {
+            let motor = late(motor_s);
+            seen.motor_position_rad = motor.motor_position_rad;
+            seen.motor_velocity_rad_s = motor.motor_velocity_rad_s;
+        }
+        if link_s > 0.0 {
+            seen.link_position_rad = late(link_s).link_position_rad;
+        }
+        seen
     }
 
     /// The remembered values so many periods ago.
@@ -192,6 +208,27 @@ mod tests {
             sample.expect("not lost").motor_position_rad
         });
         assert!((last.last().expect("ten samples") - 7.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn an_encoder_that_is_late_is_so_beside_torques_that_are_not() {
+        let mut sensors = sensors();
+        let timing = Timing {
+            sensor_delay_s: 1e-3,
+            encoder_delays_s: [2e-3, 0.0],
+            ..Timing::default()
+        };
+        let mut last = Observed::default();
+        for k in 0..10 {
+            let now = Observed {
+                motor_torque_nm: f64::from(k),
+                ..at(f64::from(k))
+            };
+            let sample = sensors.latch(now, &Sensing::default(), &timing, 1e-3);
+            last = sample.expect("not lost");
+        }
+        assert!((last.motor_position_rad - 6.0).abs() < 1e-9, "{last:?}");
+        assert!((last.motor_torque_nm - 8.0).abs() < 1e-9, "{last:?}");
     }
 
     #[test]

@@ -169,7 +169,10 @@ fn every_joint_effect() -> Vec<Effect> {
         },
         Effect::VelocityFilterLag { cutoff_hz: 50.0 },
         Effect::CommandDelay { delay_s: 5e-3 },
-        Effect::SensorDelay { delay_s: 2.3e-3 },
+        Effect::SensorDelay {
+            delay_s: 2.3e-3,
+            side: None,
+        },
         Effect::DroppedCommands { fraction: 0.3 },
         Effect::DroppedSamples { fraction: 0.3 },
     ]
@@ -320,7 +323,10 @@ fn payload_and_tilt_show_at_the_joints_that_carry_them() {
 fn timing_without_a_joint_acts_on_all() {
     let robot = uncoupled();
     let without = recording(&robot, &[]);
-    let effect = Effect::SensorDelay { delay_s: 3e-3 };
+    let effect = Effect::SensorDelay {
+        delay_s: 3e-3,
+        side: None,
+    };
     let with = recording(
         &robot,
         &[Injection {

@@ -46,7 +46,7 @@ pub use apply::{Outcome, Simulator, SimulatorFile, reshaped_description};
 pub use bodies::{Bodies, changed_chain};
 pub use control::{Control, ControlKind, Feedback, Feedforward};
 pub use drive_fault::{DriveFaultInjection, load_drive_faults};
-pub use effect::{Effect, EffectKind, EncoderSide, Part, Scope, Stage};
+pub use effect::{Effect, EffectKind, EncoderSide, LateSide, Part, Scope, Stage};
 pub use error::{Place, RobotError, nearest};
 pub use estimators::EstimatorParameters;
 pub use file::{HoldingBrake, InertiaFile, LinkFile, LinkKind, RobotFile, RobotJoint};

@@ -249,12 +249,18 @@ pub fn diagnose(
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
+    use recording::Signal;
+
     use super::*;
     use crate::made_up::{MadeUp, robot};
     use crate::report::{JointReport, Verdict};
 
     fn told(made_up: &MadeUp) -> JointReport {
-        let recordings = [("made up".to_owned(), made_up.recorded())];
+        told_of(made_up.recorded())
+    }
+
+    fn told_of(recording: Recording) -> JointReport {
+        let recordings = [("made up".to_owned(), recording)];
         let diagnosis = diagnose(&robot(), &recordings, 0.02, &|_| ()).unwrap();
         diagnosis.report.joints.into_iter().next().unwrap()
     }
@@ -281,6 +287,26 @@ mod tests {
         let found_rad = joint.effects[0].parameters["gap_rad"].value;
         assert!((found_rad / gap_rad - 1.0).abs() < 0.1, "{found_rad}");
         assert!(joint.gap.shrink > 0.8, "{}", joint.gap.shrink);
+    }
+
+    #[test]
+    fn positions_that_come_after_their_torques_are_a_delay_of_the_encoders() {
+        let mut recording = MadeUp::KNOWN.recorded();
+        let late = 6;
+        let signals = &mut recording.joints[0].signals;
+        let shown_rad = signals.get_mut(&Signal::MotorPositionRad).unwrap();
+        shown_rad.rotate_right(late);
+        let first_rad = shown_rad[late];
+        shown_rad[..late].fill(first_rad);
+        let period_s = 1.0 / recording.sample_rate_hz;
+        let joint = told_of(recording);
+        assert_eq!(names(&joint), ["sensor_delay"]);
+        let told = &joint.effects[0];
+        assert_eq!(told.side.as_deref(), Some("both"));
+        // a torque acts somewhere between its row and the next
+        let found = told.parameters["delay_s"].value / period_s;
+        assert!((found - late as f64).abs() < 1.0, "{found}");
+        assert!(joint.gap.shrink > 0.9, "{}", joint.gap.shrink);
     }
 
     #[test]

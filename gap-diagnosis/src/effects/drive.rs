@@ -1,6 +1,6 @@
 //! The drive and its bus: how much torque comes of a command, and when.
 
-use robot::Effect;
+use robot::{Effect, LateSide};
 
 use super::form::{Form, Wave, friction_step_nm};
 use crate::twin::scale::Scale;
@@ -75,12 +75,23 @@ pub const COMMAND_DELAY: Form = Form {
     })
 };
 
-/// Measurements come late to the controller, in periods of the samples.
+/// Measurements come late to the controller, in periods of the samples. It is the commands that tell.
 pub const SENSOR_DELAY: Form = Form {
-    may_show: |shown, _| shown.timing_is_open,
+    may_show: |shown, _| shown.timing_is_open && shown.has_command,
     is_positive: true,
     ..Form::of(|amplitude, _, scale| Effect::SensorDelay {
         delay_s: amplitude[0] * scale.period_s,
+        side: None,
+    })
+};
+
+/// Encoders show where a joint was before the torques that come with them, in periods of the samples. Commands that follow what they
+/// show do not tell it.
+pub const LATE_ENCODERS: Form = Form {
+    is_positive: true,
+    ..Form::of(|amplitude, _, scale| Effect::SensorDelay {
+        delay_s: amplitude[0] * scale.period_s,
+        side: Some(LateSide::Both),
     })
 };
 

@@ -41,7 +41,7 @@ fn forms(kind: EffectKind) -> &'static [Form] {
             &[sensors::MOTOR_ECCENTRICITY, sensors::LINK_ECCENTRICITY]
         }
         EffectKind::CommandDelay => &[drive::COMMAND_DELAY],
-        EffectKind::SensorDelay => &[drive::SENSOR_DELAY],
+        EffectKind::SensorDelay => &[drive::SENSOR_DELAY, drive::LATE_ENCODERS],
         // never: the samples show these by themselves, see `checks`
         EffectKind::EncoderQuantisation
         | EffectKind::VelocityFilterLag

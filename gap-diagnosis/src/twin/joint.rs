@@ -88,6 +88,8 @@ pub struct JointModel {
     pub command_delay_s: f64,
     /// Of every measurement.
     pub sensor_delay_s: f64,
+    /// By which motor's and link's encoder are later than that.
+    pub encoder_delays_s: [f64; 2],
     /// Part of the commands that never arrives.
     pub dropped_commands: f64,
 }
@@ -129,6 +131,7 @@ impl JointModel {
             torque_noise_nm: file.torque_noise_nm,
             command_delay_s: 0.0,
             sensor_delay_s: 0.0,
+            encoder_delays_s: [0.0; 2],
             dropped_commands: 0.0,
         };
         let own = file.effects.iter().chain(&robot.shared_effects);
@@ -362,6 +365,10 @@ impl Bus for JointModel {
 
     fn delay_samples(&mut self, delay_s: f64) {
         self.sensor_delay_s += delay_s;
+    }
+
+    fn delay_encoder(&mut self, side: EncoderSide, delay_s: f64) {
+        self.encoder_delays_s[side as usize] += delay_s;
     }
 
     fn lose_commands(&mut self, fraction: f64) {

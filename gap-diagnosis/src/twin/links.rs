@@ -29,9 +29,13 @@ pub(crate) struct Position {
 impl Position {
     /// Where motor and link were, if the encoders have the faults that the robot file tells.
     fn without_faults(&self, model: &JointModel, rate_hz: f64) -> Self {
-        let samples = model.sensor_delay_s * rate_hz;
-        let motor_rad = earlier(&self.motor_rad, samples);
-        let link_rad = self.link_rad.as_ref().map(|shown| earlier(shown, samples));
+        let samples = model
+            .encoder_delays_s
+            .map(|more_s| (model.sensor_delay_s + more_s) * rate_hz);
+        let of_motor = usize::from(self.is_of_link);
+        let motor_rad = earlier(&self.motor_rad, samples[of_motor]);
+        let link_rad = self.link_rad.as_ref();
+        let link_rad = link_rad.map(|shown| earlier(shown, samples[1]));
         let link = |shown: f64| shown - model.link_fault_rad(shown);
         let motor = |shown: f64| {
             if self.is_of_link {
@@ -265,6 +269,7 @@ mod tests {
             },
             robot::Effect::SensorDelay {
                 delay_s: late as f64 / at_rate_hz,
+                side: Some(robot::LateSide::Both),
             },
         ]);
         let model = JointModel::nominal(&robot, 0);

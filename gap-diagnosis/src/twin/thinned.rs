@@ -183,7 +183,10 @@ mod tests {
                 centre_m: [0.0, 0.0, 0.2],
             },
             Effect::CommandDelay { delay_s: 2e-3 },
-            Effect::SensorDelay { delay_s: 2e-3 },
+            Effect::SensorDelay {
+                delay_s: 2e-3,
+                side: None,
+            },
         ];
         let rms = |values: &[f64]| {
             (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt()

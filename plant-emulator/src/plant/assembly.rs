@@ -265,7 +265,17 @@ impl JointBuilder<'_> {
             }
         }
         let at_most_s = (HISTORY - 2) as f64 * period_s;
-        for delay_s in [full.timing.command_delay_s, full.timing.sensor_delay_s] {
+        let timing = &full.timing;
+        let of_encoders_s = timing
+            .encoder_delays_s
+            .map(|more_s| timing.sensor_delay_s + more_s);
+        let [motor_s, link_s] = of_encoders_s;
+        for delay_s in [
+            timing.command_delay_s,
+            timing.sensor_delay_s,
+            motor_s,
+            link_s,
+        ] {
             if !(0.0..=at_most_s).contains(&delay_s) {
                 return Err(PlantError::Delay {
                     joint: self.index,

@@ -58,6 +58,18 @@ pub enum EncoderSide {
     Link,
 }
 
+/// Encoders of a joint that are late.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LateSide {
+    /// The one before the gear.
+    Motor,
+    /// The one after the gear.
+    Link,
+    /// Both.
+    Both,
+}
+
 /// What of a joint an effect changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
@@ -382,7 +394,12 @@ effects! {
     } changes Sensors by sensors.encoder_quantisation,
     VelocityFilterLag { cutoff_hz: f64 = each_is_positive } changes Sensors by sensors.velocity_filter_lag,
     CommandDelay { delay_s: f64 = sum_is_not_negative adds_up } changes Bus by bus.command_delay of Bus,
-    SensorDelay { delay_s: f64 = sum_is_not_negative adds_up } changes Bus by bus.sensor_delay of Bus,
+    /// Of all that a drive reports, torques included; of its encoders alone where a side is said.
+    SensorDelay {
+        delay_s: f64 = sum_is_not_negative,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        side: Option<LateSide>,
+    } changes Bus by bus.sensor_delay of Bus,
     DroppedCommands { fraction: f64 = sum_is_fraction } changes Bus by bus.dropped_commands of Bus,
     DroppedSamples { fraction: f64 = sum_is_fraction } changes Bus by bus.dropped_samples of Bus,
 }

@@ -143,6 +143,8 @@ pub trait Bus {
     fn delay_commands(&mut self, delay_s: f64);
     /// Samples are so much older.
     fn delay_samples(&mut self, delay_s: f64);
+    /// An encoder's angle is so much older than the sample that it comes with.
+    fn delay_encoder(&mut self, side: EncoderSide, delay_s: f64);
     /// A part of the commands never arrives, independently of what was lost before.
     fn lose_commands(&mut self, fraction: f64);
     /// A part of the samples never arrives, independently of what was lost before.

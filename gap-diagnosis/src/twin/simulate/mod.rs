@@ -17,6 +17,8 @@ mod drive;
 mod hold;
 mod load_step;
 
+use std::iter::repeat;
+
 use joint_model::filter::Butterworth;
 use joint_model::friction::{Direction, Sliding};
 use joint_model::harmonic;
@@ -137,7 +139,8 @@ pub fn simulate(
             (share, Held::at(delay - share, 1.0 / substeps as f64))
         })
         .collect();
-    let ahead = model.sensor_delay_s / drive.period_s;
+    let [motor_late_s, _] = model.encoder_delays_s;
+    let ahead = (model.sensor_delay_s + motor_late_s) / drive.period_s;
     let along_rad = feedback.smooth_rad.as_ref().unwrap_or(&drive.motor_rad);
     for k in 0..samples {
         let measured = joint.measure(model, drive.period_s, noise.as_deref_mut());
@@ -282,6 +285,7 @@ struct State {
     /// Where the encoders' steps lie, as parts of one: motor's and link's.
     rounding: [f64; 2],
     commands_nm: [f64; HISTORY],
+    /// As [`Measured::of`] takes them: encoders first.
     seen: [[f64; 5]; HISTORY],
     newest: usize,
 }
@@ -335,12 +339,14 @@ impl State {
             self.joint_torque_nm,
             self.holding_nm,
         ];
-        let periods = model.sensor_delay_s / period_s;
-        let seen = if periods > 0.0 {
-            [0, 1, 2, 3, 4].map(|signal| delayed(periods, |age| self.seen[self.index(age)][signal]))
-        } else {
-            self.seen[self.newest]
-        };
+        let mut seen = self.seen[self.newest];
+        let more_s = model.encoder_delays_s.into_iter().chain(repeat(0.0));
+        for ((signal, seen), more_s) in seen.iter_mut().enumerate().zip(more_s) {
+            let periods = (model.sensor_delay_s + more_s) / period_s;
+            if periods > 0.0 {
+                *seen = delayed(periods, |age| self.seen[self.index(age)][signal]);
+            }
+        }
         let shown = Measured::of(model, seen);
         let Some(noise) = noise else {
             return shown;
