@@ -1,6 +1,6 @@
 //! Joining an instance: opening its topics as their one writer or as a reader.
 
-use std::fmt::Debug;
+use std::fmt::{Debug, Display};
 
 use iceoryx2::port::listener::Listener as IpcListener;
 use iceoryx2::port::notifier::Notifier as IpcNotifier;
@@ -228,19 +228,28 @@ impl Bus {
             .name
             .try_into()
             .map_err(|error| format!("{error:?}"))?;
-        self.node
-            .service_builder(&name)
-            .publish_subscribe::<T>()
-            .max_publishers(1)
-            .max_subscribers(topic.readers_max)
-            // Every process of the instance, and observers coming and going.
-            .max_nodes(32)
-            .subscriber_max_buffer_size(topic.buffer)
-            .enable_safe_overflow(true)
-            // A restarted service finds the sample the loop is waiting on.
-            .history_size(1)
-            .open_or_create()
-            .map_err(|error| error.to_string())
+        let open = || {
+            self.node
+                .service_builder(&name)
+                .publish_subscribe::<T>()
+                .max_publishers(1)
+                .max_subscribers(topic.readers_max)
+                // Every process of the instance, and observers coming and going.
+                .max_nodes(32)
+                .subscriber_max_buffer_size(topic.buffer)
+                .enable_safe_overflow(true)
+                // A restarted service finds the sample the loop is waiting on.
+                .history_size(1)
+                .open_or_create()
+        };
+        settled(open, |error| {
+            use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError as Open;
+            use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenOrCreateError as Error;
+            matches!(
+                error,
+                Error::PublishSubscribeOpenError(Open::HangsInCreation | Open::DoesNotExist)
+            )
+        })
     }
 
     fn open_signal(
@@ -251,17 +260,45 @@ impl Bus {
             .name
             .try_into()
             .map_err(|error| format!("{error:?}"))?;
-        self.node
-            .service_builder(&name)
-            .event()
-            .max_nodes(32)
-            .max_notifiers(4)
-            .max_listeners(4)
-            // A signal says one thing. The middleware looks through all the events there may be at every wake-up: 256 if not told.
-            .event_id_max_value(0)
-            .open_or_create()
-            .map_err(|error| error.to_string())
+        let open = || {
+            self.node
+                .service_builder(&name)
+                .event()
+                .max_nodes(32)
+                .max_notifiers(4)
+                .max_listeners(4)
+                // A signal says one thing. The middleware looks through all the events there may be at every wake-up: 256 if not told.
+                .event_id_max_value(0)
+                .open_or_create()
+        };
+        settled(open, |error| {
+            use iceoryx2::service::builder::event::EventOpenError as Open;
+            use iceoryx2::service::builder::event::EventOpenOrCreateError as Error;
+            matches!(
+                error,
+                Error::EventOpenError(Open::HangsInCreation | Open::DoesNotExist)
+            )
+        })
     }
+}
+
+/// How often a topic is opened that another process is making: the middleware waits for half a second each time, and on a busy machine
+/// the other may be kept from it for longer, or end.
+const OPENINGS: usize = 6;
+
+/// What opening gives once nobody is in the midst of making or removing it.
+fn settled<S, E: Display>(
+    open: impl Fn() -> Result<S, E>,
+    is_in_the_midst: impl Fn(&E) -> bool,
+) -> Result<S, String> {
+    let mut opened = open();
+    for _ in 1..OPENINGS {
+        if !opened.as_ref().err().is_some_and(&is_in_the_midst) {
+            break;
+        }
+        opened = open();
+    }
+    opened.map_err(|error| error.to_string())
 }
 
 /// The one writer of a topic.
@@ -390,6 +427,29 @@ mod tests {
             libc::recv(descriptor, byte.as_mut_ptr().cast(), 1, libc::MSG_DONTWAIT)
         };
         assert_eq!(taken, 1, "the signal had reached the socket");
+    }
+
+    #[test]
+    fn a_topic_in_the_making_is_opened_again_and_not_for_ever() {
+        let asked = std::cell::Cell::new(0);
+        let open_after = |settled_after: usize, error: &'static str| {
+            asked.set(0);
+            let open = || {
+                asked.set(asked.get() + 1);
+                if asked.get() > settled_after {
+                    Ok(asked.get())
+                } else {
+                    Err(error)
+                }
+            };
+            settled(open, |error| *error == "in the midst")
+        };
+        assert_eq!(open_after(2, "in the midst"), Ok(3));
+        let never = open_after(usize::MAX, "in the midst");
+        assert_eq!((never.is_err(), asked.get()), (true, OPENINGS));
+        // what is wrong for good is said at once
+        assert!(open_after(1, "another").is_err());
+        assert_eq!(asked.get(), 1);
     }
 
     #[test]
