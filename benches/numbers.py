@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Counts a crate's lines and numbers outside tests, room by room.
+"""Counts lines and numbers of the diagnosis' crates, or of those named, outside tests, room by room.
 
-    benches/numbers.py [--list] [CRATE]
+    benches/numbers.py [--list] [CRATE]...
 
 A number is a constant with a numeric value, or a decimal in the code itself: 0, 0.5, 1 and whole numbers up to 4 are formulas and do
 not count, nor does a constant that is one of another constant. Constants that decide what is told stand in docs/gap-numbers.md with unit and source; constants of the computation (steps,
@@ -15,6 +15,7 @@ from collections import defaultdict
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+CRATES = ("gap-diagnosis", "gap-report", "joint-twin", "recording-checks")
 TABLES = ROOT / "docs" / "gap-numbers.md"
 NUMBER = r"(?<![\w.])(?:\d[\d_]*\.\d+(?:e-?\d+)?|\d[\d_]*e-?\d+)(?![\w.])"
 CONSTANT = re.compile(r"\bconst ([A-Z][A-Z0-9_]*): ([^=;]*(?:;[^=\]]*\][^=;]*)*)=\s*([^;]*);")
@@ -47,12 +48,6 @@ def comment(lines, constant):
         elif above or not re.search(r"\bconst [A-Z]", line):
             break
     return " ".join(reversed(above))
-
-
-def is_test_only(path):
-    """A module that its parent has for tests alone."""
-    parent = path.parent / "lib.rs"
-    return parent.is_file() and f"#[cfg(test)]\nmod {path.stem};" in parent.read_text()
 
 
 def is_formula(value):
@@ -89,16 +84,16 @@ def told():
 
 def main():
     arguments = [argument for argument in sys.argv[1:] if argument != "--list"]
-    source = ROOT / (arguments[0] if arguments else "gap-diagnosis") / "src"
+    crates = arguments or CRATES
     rooms = defaultdict(lambda: defaultdict(int))
     wrong = []
-    tables = told()
+    tables = {of: row for of, row in told().items() if of[0].split("/")[0] in crates}
     seen = set()
-    for path in sorted(source.rglob("*.rs")):
-        if is_test_only(path):
-            continue
-        name = str(path.relative_to(source))
-        room = rooms[name.split("/")[0] if "/" in name else "."]
+    files = [(crate, path) for crate in crates for path in sorted((ROOT / crate / "src").rglob("*.rs"))]
+    for crate, path in files:
+        inside = path.relative_to(ROOT / crate / "src")
+        name = f"{crate}/{inside}"
+        room = rooms["/".join(name.split("/")[: min(2, len(inside.parts))])]
         lines, text = code(path)
         constants, decimals = numbers(text)
         room["lines"] += len(lines)

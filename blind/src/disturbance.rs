@@ -2,8 +2,8 @@
 //!
 //! `r = F[τ] - J·q̈ - RNEA(q, q̇, q̈)`, joint side, with `q = F[motor angle over ratio]`, `F` a low-pass without delay.
 
-use gap_diagnosis::signal::smooth::low_pass;
 use joint_model::filter::FilterError;
+use joint_twin::signal::smooth::low_pass;
 use robot::Robot;
 
 /// Up to here gap and noise are compared.

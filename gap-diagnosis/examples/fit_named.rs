@@ -14,8 +14,8 @@ use std::path::Path;
 use gap_diagnosis::closed_loop::named::refitted;
 use gap_diagnosis::closed_loop::search::{Model, Search, Term};
 use gap_diagnosis::effects::{Hypothesis, Shown, plain};
-use gap_diagnosis::twin::JointTwin;
-use gap_diagnosis::twin::stretch::stretches;
+use joint_twin::JointTwin;
+use joint_twin::stretch::stretches;
 
 const JOINT: usize = 0;
 

@@ -24,10 +24,10 @@ use gap_diagnosis::closed_loop::named::refitted;
 use gap_diagnosis::closed_loop::search::{Model, Search, Term};
 use gap_diagnosis::closed_loop::values::mean_square;
 use gap_diagnosis::effects::{Shown, plain};
-use gap_diagnosis::twin::joint::JointModel;
-use gap_diagnosis::twin::observe::Channel;
-use gap_diagnosis::twin::stretch::stretches;
-use gap_diagnosis::twin::{Changes, JointTwin};
+use joint_twin::joint::JointModel;
+use joint_twin::observe::Channel;
+use joint_twin::stretch::stretches;
+use joint_twin::{Changes, JointTwin};
 use robot::Effect;
 
 const JOINT: usize = 0;

@@ -3,24 +3,24 @@
 
 use std::collections::BTreeMap;
 
-use crate::twin::TwinError;
+use gap_report::{
+    BeforeAfter, Candidate, Gap, JointReport, NamedEffect, Remaining, Report, Verdict, Where,
+};
+use joint_twin::JointTwin;
+use joint_twin::TwinError;
+use joint_twin::observe::Channel;
+use joint_twin::on_all_cores::OnAllCores;
+use joint_twin::stretch::stretches;
 use nalgebra::{DMatrix, DVector};
 use recording::Recording;
+use recording_checks::mend;
 use robot::Robot;
 
-use crate::checks::mend;
 use crate::closed_loop::search::{Search, Term};
 use crate::closed_loop::values;
 use crate::closed_loop::{self, About};
 use crate::diagnose::{DiagnoseError, blank_report, insufficient};
 use crate::evidence::told::MATERIALITY;
-use crate::on_all_cores::OnAllCores;
-use crate::report::{
-    BeforeAfter, Candidate, Gap, JointReport, NamedEffect, Remaining, Report, Verdict, Where,
-};
-use crate::twin::JointTwin;
-use crate::twin::observe::Channel;
-use crate::twin::stretch::stretches;
 
 /// A method that people use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,20 +1,19 @@
 //! What every diagnosis begins with, whatever its twin: the samples looked at, the recordings mended, an empty report.
 
-use joint_model::filter::FilterError;
-use recording::Recording;
-use robot::Robot;
-
-use crate::checks::found::Found;
-use crate::checks::mend;
-use crate::checks::samples;
-use crate::checks::timing::Timing;
-use crate::on_all_cores::OnAllCores;
-use crate::report::{
+use gap_report::{
     Candidate, DataFinding, Gap, JointReport, Remaining, Report, SCHEMA, TwinKind, Verdict, Where,
 };
-use crate::twin::TwinError;
-use crate::twin::control;
-use crate::twin::stretch::StretchError;
+use joint_model::filter::FilterError;
+use joint_twin::TwinError;
+use joint_twin::control;
+use joint_twin::on_all_cores::OnAllCores;
+use joint_twin::stretch::StretchError;
+use recording::Recording;
+use recording_checks::found::Found;
+use recording_checks::mend;
+use recording_checks::samples;
+use recording_checks::timing::Timing;
+use robot::Robot;
 
 /// Why a diagnosis cannot be made.
 #[derive(Debug, thiserror::Error)]

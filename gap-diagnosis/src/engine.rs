@@ -1,6 +1,8 @@
 //! Which twin a diagnosis compares the robot with, and how it is asked.
 
+use gap_report::DataFinding;
 use joint_model::rigid_body::JointKind;
+use joint_twin::control;
 use recording::{Recording, Signal};
 use robot::{EffectKind, Robot, RobotJoint};
 
@@ -8,9 +10,7 @@ use crate::closed_loop;
 use crate::diagnose::{DiagnoseError, Diagnosis, Progress};
 use crate::evidence;
 use crate::recorded_motion;
-use crate::report::DataFinding;
 use crate::seen_steps;
-use crate::twin::control;
 
 /// What the recording is held against.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,22 +2,14 @@
 #![forbid(unsafe_code)]
 
 pub mod baseline;
-pub mod checks;
 pub mod closed_loop;
 pub mod diagnose;
 pub mod effects;
 pub mod engine;
 pub mod evidence;
-#[cfg(test)]
-mod made_up;
-mod on_all_cores;
 pub mod recorded_motion;
-pub mod report;
 mod seen_steps;
 pub mod separate;
-pub mod signal;
-pub mod stop;
-pub mod twin;
 pub mod watch;
 
 pub use diagnose::{DiagnoseError, Diagnosis, JointTraces, Progress};

@@ -1,9 +1,8 @@
 //! Encoder steps that the robot file does not state, as the recordings show them: what is not stated is unknown, and not none.
 
+use gap_report::DataFinding;
 use recording::{Recording, Signal};
 use robot::{Robot, RobotJoint};
-
-use crate::report::DataFinding;
 
 /// The robot with the steps that its recordings show where it states none, and the lines that would state them.
 pub fn added(robot: &Robot, recordings: &[(String, Recording)]) -> (Robot, Option<DataFinding>) {
@@ -59,8 +58,9 @@ fn seen(recordings: &[(String, Recording)], joint: &str, signal: Signal) -> Opti
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
+    use made_up::swinging;
+
     use super::*;
-    use crate::made_up::swinging;
 
     #[test]
     fn a_step_is_the_files_where_it_states_one_and_the_recordings_else() {

@@ -4,20 +4,21 @@
 //! to the other, `φ_known` to what the robot file may be a little wrong about, and `F` the whitening of the diagnosis. Below 9
 //! nobody can tell the two apart.
 
+use gap_report::Regime;
+use joint_twin::observe::Channel;
+use joint_twin::on_all_cores::OnAllCores;
+use joint_twin::signal::difference;
+use joint_twin::stretch::stretches;
+use joint_twin::{Changes, JointTwin, Row};
 use nalgebra::{DMatrix, DVector};
 use recording::Recording;
+use recording_checks::mend;
 use robot::{Effect, Robot};
 
-use crate::checks::mend;
-use crate::closed_loop::search::{Model, Search, difference};
+use crate::closed_loop::search::{Model, Search};
 use crate::diagnose::DiagnoseError;
 use crate::effects::{Hypothesis, Shown, periodic, plain};
 use crate::evidence::place::regimes;
-use crate::on_all_cores::OnAllCores;
-use crate::report::Regime;
-use crate::twin::observe::Channel;
-use crate::twin::stretch::stretches;
-use crate::twin::{Changes, JointTwin, Row};
 
 /// What rows are told apart by: its name, and what a row has of it.
 type Variable<'a> = (&'a str, &'a dyn Fn(&Row) -> f64);

@@ -5,8 +5,8 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use gap_diagnosis::report::JointReport;
 use gap_diagnosis::{Options, diagnose};
+use gap_report::JointReport;
 use recording::{JointColumns, Recording, Signal};
 use robot::{Robot, RobotFile, Source};
 

@@ -5,8 +5,8 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use gap_diagnosis::report::{JointReport, Remaining, Remains, Report, Verdict};
 use gap_diagnosis::{Options, diagnose};
+use gap_report::{JointReport, Remaining, Remains, Report, Verdict};
 use joint_model::rigid_body::{Chain, Link};
 use recording::{JointColumns, Recording, Signal};
 use robot::{Robot, RobotFile, Source};

@@ -5,8 +5,8 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use gap_diagnosis::report::{Report, Verdict};
 use gap_diagnosis::{Options, diagnose};
+use gap_report::{Report, Verdict};
 use recording::{JointColumns, Recording, Signal};
 use robot::{Control, ControlKind, Effect, Feedback, Feedforward, Robot, RobotFile, Source};
 

@@ -5,8 +5,8 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use gap_diagnosis::report::{DataFinding, Report};
 use gap_diagnosis::{Options, diagnose};
+use gap_report::{DataFinding, Report};
 use joint_model::rigid_body::Chain;
 use recording::{JointColumns, Recording, Signal};
 use robot::{Robot, RobotFile, Source};

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use flexspline::library::{self, nothing_to_say, recorded_joints_of};
-use gap_diagnosis::report::Report;
 use gap_diagnosis::{Engine, Options};
+use gap_report::Report;
 use pyo3::prelude::*;
 
 use crate::errors::{input, raised};

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use flexspline::library::{self, Course, Followed};
-use gap_diagnosis::report::Report;
+use gap_report::Report;
 use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
-use gap_diagnosis::stop::unless_raised;
+use joint_twin::stop::unless_raised;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 

@@ -9,7 +9,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use gap_diagnosis::report::{JointReport, NamedEffect, Parameter, Report};
+use gap_report::{JointReport, NamedEffect, Parameter, Report};
 use robot::{Effect, EffectKind, Robot, RobotFile, Simulator, Source};
 use serde::Serialize;
 use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value};

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use gap_diagnosis::report::{JointReport, NamedEffect, Report};
+use gap_report::{JointReport, NamedEffect, Report};
 use report::{Cell, Column, Section, Table};
 use serde::Serialize;
 

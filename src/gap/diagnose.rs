@@ -5,8 +5,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use comfy_table::{Table, presets};
-use gap_diagnosis::report::{DataFinding, JointReport, Report, Verdict};
 use gap_diagnosis::{Diagnosis, Engine, Options};
+use gap_report::{DataFinding, JointReport, Report, Verdict};
 use indicatif::{ProgressBar, ProgressStyle};
 use recording::Recording;
 use report::number;

@@ -3,7 +3,7 @@
 
 use comfy_table::{Table, presets};
 use gap_diagnosis::Options;
-use gap_diagnosis::report::{JointReport, Report, Verdict};
+use gap_report::{JointReport, Report, Verdict};
 use report::number;
 use robot::{Injection, Robot, RobotFile, Source};
 use serde::Serialize;

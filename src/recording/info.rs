@@ -8,13 +8,13 @@ use recording::{
     Finding, GuessJoint, ReadError, ReadProblem, Recording, RecordingInfo, Severity, SignalInfo,
     check, describe, read_guessing,
 };
+use recording_checks::data::findings;
 use serde::Serialize;
 
 use super::{read, read_of};
 use crate::cli::RecordingInfoArguments;
 use crate::error::CliError;
 use crate::output::{print, write_json};
-use gap_diagnosis::checks::data::findings;
 
 /// One recording, for programs.
 #[derive(Serialize)]

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use gap_diagnosis::report::{JointReport, Report, Verdict};
+use gap_report::{JointReport, Report, Verdict};
 use robot::Stage;
 use serde::Serialize;
 

@@ -15,18 +15,17 @@ mod rate;
 
 use std::collections::BTreeMap;
 
-use gap_diagnosis::report::Report;
+pub use calibration::{Bin, Calibration};
+use gap_report::Report;
+pub use judge::{Judgement, Statement, asked_joint};
+pub use parameters::ParameterError;
+pub use rate::Rate;
 use serde::Serialize;
 
 use crate::label::{CaseKind, Label};
 use crate::random::Random;
 use crate::rig::RigKind;
 use rate::{mean, median};
-
-pub use calibration::{Bin, Calibration};
-pub use judge::{Judgement, Statement, asked_joint};
-pub use parameters::ParameterError;
-pub use rate::Rate;
 
 /// Levels from here on are counted.
 const COUNTED_LEVEL: f64 = 1.0;

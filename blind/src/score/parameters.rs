@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-use gap_diagnosis::report::{Parameter, Report};
+use gap_report::{Parameter, Report};
 use robot::Effect;
 use serde::Serialize;
 

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use gap_diagnosis::report::Report;
+use gap_report::Report;
 use robot::Effect;
 use serde_json::{Value, json};
 

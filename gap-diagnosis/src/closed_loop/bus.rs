@@ -1,8 +1,8 @@
 //! A delay of the bus: what the samples of most joints show alike is one cause.
 
+use recording_checks::found::Found;
 use robot::Effect;
 
-use crate::checks::found::Found;
 use crate::evidence::ERRORS;
 
 /// A delay that the samples of several joints show alike.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use gap_report::Parameter;
 use nalgebra::DMatrix;
 use robot::Effect;
 
@@ -9,7 +10,6 @@ use super::rows::About;
 use crate::closed_loop::search::Search;
 use crate::closed_loop::values;
 use crate::evidence::told::Called;
-use crate::report::Parameter;
 
 /// The items about one model.
 pub struct Responses<'a> {

@@ -1,13 +1,13 @@
 //! What the samples show by themselves, told beside what the evidence explains: steps of an encoder, samples that were dropped, and
 //! delay and lag of the drive.
 
+use gap_report::{Candidate, Confusable, JointReport, NamedEffect, Parameter, Verdict};
+use joint_twin::scale::Scale;
+use recording_checks::found::Found;
 use robot::{Effect, EffectKind, Stage};
 
-use crate::checks::found::Found;
 use crate::closed_loop::search::Term;
 use crate::effects::numbers::{numbers, side};
-use crate::report::{Candidate, Confusable, JointReport, NamedEffect, Parameter, Verdict};
-use crate::twin::scale::Scale;
 
 /// Probability of what was counted in the samples. Of 60 development cases with one of these none was wrong.
 const COUNTED: f64 = 0.97;

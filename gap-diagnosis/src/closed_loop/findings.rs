@@ -1,9 +1,10 @@
 //! What a fit tells of the recording itself, beside every effect.
 
+use gap_report::DataFinding;
+use joint_twin::known::Known;
+
 use super::search::Search;
 use crate::evidence::DEVIATIONS;
-use crate::report::DataFinding;
-use crate::twin::known::Known;
 
 /// A vibration that outpaces the joint's motion in this part of the rows is told.
 const VIBRATES: f64 = 0.2;

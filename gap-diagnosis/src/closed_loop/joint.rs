@@ -1,15 +1,15 @@
 //! One joint with its twin: which set of effects explains it, chosen by responses and fitted by simulation in turn.
 
-use crate::twin::TwinError;
+use joint_twin::JointTwin;
+use joint_twin::TwinError;
+use joint_twin::on_all_cores::OnAllCores;
+use recording_checks::found::Found as Counted;
 
-use crate::checks::found::Found as Counted;
 use crate::closed_loop::repeated::Repeated;
 use crate::closed_loop::search::{Model, Search, Term};
 use crate::evidence::imitation;
 use crate::evidence::rows::Rows;
 use crate::evidence::{Evidence, Scored};
-use crate::on_all_cores::OnAllCores;
-use crate::twin::JointTwin;
 
 use super::counted;
 use super::refine::{Refined, Worth, refined};
@@ -199,7 +199,7 @@ impl<'a> Joint<'a> {
             .pick(&self.search.residual_nm(&Model::default())?);
         let measured_nm = self.compared.pick(&self.search.measured_nm);
         let of_motor = self.compared.motor_rows();
-        let row = |of: fn(&crate::twin::Row) -> f64| {
+        let row = |of: fn(&joint_twin::Row) -> f64| {
             let rows = of_motor.iter().map(|k| of(&self.search.twin.rows[*k]));
             rows.collect::<Vec<f64>>()
         };

@@ -22,21 +22,21 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-use crate::twin::TwinError;
+use gap_report::{Candidate, DataFinding, JointShare};
+use joint_twin::JointTwin;
+use joint_twin::TwinError;
+use joint_twin::on_all_cores::OnAllCores;
+use joint_twin::stretch::stretches;
 use recording::{Recording, as_measured};
+use recording_checks::data::Checked;
 use robot::Robot;
 
-use crate::checks::data::Checked;
 use crate::closed_loop::repeated::Repeated;
 use crate::closed_loop::search::{Model, Search};
 use crate::diagnose::{
     DiagnoseError, Diagnosis, Prepared, Progress, blank_report, insufficient, prepared,
 };
 use crate::evidence::told::MATERIALITY;
-use crate::on_all_cores::OnAllCores;
-use crate::report::{Candidate, DataFinding, JointShare};
-use crate::twin::JointTwin;
-use crate::twin::stretch::stretches;
 use bus::common_delay;
 use joint::Joint;
 pub use rows::About;
@@ -249,14 +249,15 @@ pub fn diagnose(
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
+    use gap_report::{JointReport, Verdict};
+    use joint_twin::signal::random::uniform;
+    use made_up::{MadeUp, robot};
     use recording::Signal;
 
     use super::*;
-    use crate::made_up::{MadeUp, robot};
-    use crate::report::{JointReport, Verdict};
 
     fn told(made_up: &MadeUp) -> JointReport {
-        told_of(made_up.recorded())
+        told_of(made_up.recorded(uniform(3)))
     }
 
     fn told_of(recording: Recording) -> JointReport {
@@ -291,7 +292,7 @@ mod tests {
 
     #[test]
     fn positions_that_come_after_their_torques_are_a_delay_of_the_encoders() {
-        let mut recording = MadeUp::KNOWN.recorded();
+        let mut recording = MadeUp::KNOWN.recorded(uniform(3));
         let late = 6;
         let signals = &mut recording.joints[0].signals;
         let shown_rad = signals.get_mut(&Signal::MotorPositionRad).unwrap();

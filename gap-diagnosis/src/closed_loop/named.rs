@@ -1,7 +1,9 @@
 //! Effects whose names the caller tells: their values fitted, and how far the gap shrinks with them. What the diagnosis is held against
 //! where the truth is known.
 
-use crate::twin::TwinError;
+use joint_twin::JointTwin;
+use joint_twin::TwinError;
+use joint_twin::stretch::stretches;
 use recording::Recording;
 use robot::Robot;
 
@@ -12,8 +14,6 @@ use crate::closed_loop::repeated::Repeated;
 use crate::closed_loop::search::{Model, Search};
 use crate::diagnose::{DiagnoseError, prepared};
 use crate::evidence::{Evidence, Names, Settled};
-use crate::twin::JointTwin;
-use crate::twin::stretch::stretches;
 
 /// Held-out shrink of one joint with effects of these names; none where no recording tells its torque.
 ///

@@ -1,11 +1,12 @@
 //! Models fitted by simulation: Gauss and Newton's steps over known values, amplitudes and shapes at once, judged by what the
 //! simulation leaves.
 
-use crate::twin::TwinError;
+use joint_twin::TwinError;
+use joint_twin::signal::difference;
 use nalgebra::{DMatrix, DVector};
 
 use super::rows::{Compared, Step, own_columns};
-use crate::closed_loop::search::{Model, Search, Term, difference};
+use crate::closed_loop::search::{Model, Search, Term};
 use crate::evidence::{DEVIATIONS, Settled};
 
 /// Steps at most.

@@ -5,13 +5,13 @@
 
 use std::collections::BTreeMap;
 
-use crate::twin::TwinError;
+use gap_report::DataFinding;
+use joint_twin::TwinError;
+use joint_twin::observe::Channel;
 use recording::Recording;
 use recording::repeats::{Group, Place, Repeat, mean_and_variance, repeats};
 
 use crate::closed_loop::search::{Model, Search};
-use crate::report::DataFinding;
-use crate::twin::observe::Channel;
 
 /// The repeats among a diagnosis' recordings.
 pub(crate) struct Repeated {

@@ -1,15 +1,16 @@
 //! How a joint's channels respond: to known values, to every effect, and to effects that repeat with an angle.
 
-use crate::twin::TwinError;
+use joint_twin::TwinError;
+use joint_twin::observe::Channel;
+use joint_twin::on_all_cores::OnAllCores;
+use joint_twin::signal::beside::Beside;
+use joint_twin::signal::difference;
+use joint_twin::{Changes, Row};
 use nalgebra::DMatrix;
 
-use crate::closed_loop::search::{Model, Search, difference};
+use crate::closed_loop::search::{Model, Search};
 use crate::closed_loop::spectrum::{below, most_seen, peaks};
 use crate::effects::{Hypothesis, periodic};
-use crate::on_all_cores::OnAllCores;
-use crate::signal::beside::Beside;
-use crate::twin::observe::Channel;
-use crate::twin::{Changes, Row};
 
 /// Peaks over the motor angle that are tried.
 const PEAKS: usize = 2;
@@ -20,7 +21,7 @@ const PROBE: f64 = 0.3;
 pub(crate) type Columns = (Hypothesis, Vec<Vec<f64>>);
 
 impl Search<'_> {
-    /// Response to a change, beside a model; `base` is what [`JointTwin::coarsely`](crate::twin::JointTwin::coarsely) says of the model.
+    /// Response to a change, beside a model; `base` is what [`JointTwin::coarsely`](joint_twin::JointTwin::coarsely) says of the model.
     fn response(
         &self,
         base: &[f64],

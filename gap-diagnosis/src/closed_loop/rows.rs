@@ -1,16 +1,17 @@
 //! A joint's recordings beside its twin, as the evidence takes them: compared rows signal by signal, what the robot file needs and may
 //! be wrong about, and the response to every effect, all about one model.
 
-use crate::twin::TwinError;
+use joint_twin::TwinError;
+use joint_twin::on_all_cores::OnAllCores;
+use joint_twin::signal::difference;
 use robot::Effect;
 
-use crate::closed_loop::search::{Model, Search, Term, difference};
+use crate::closed_loop::search::{Model, Search, Term};
 use crate::effects::Hypothesis;
 use crate::evidence::{
     AMPLITUDE_NATS, DEVIATIONS, ERRORS, Evidence, Fit, INEXACT, ITEMS_MAX, Item, Message,
     NAME_NATS, Names, Presupposed, Problem, Span,
 };
-use crate::on_all_cores::OnAllCores;
 
 /// Names among which one costs [`NAME_NATS`]; among more the odds against each are longer. Before anything is seen it is then one to five
 /// that a joint has any of them; fitted to 200 development cases, so that what is stated with a probability holds as often.

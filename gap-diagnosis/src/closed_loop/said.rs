@@ -1,16 +1,16 @@
 //! From what explains a joint to what its report says of it.
 
-use crate::twin::TwinError;
+use gap_report::{BeforeAfter, Gap, JointReport, SignalGap, Verdict};
+use joint_twin::TwinError;
+use joint_twin::observe::Channel;
+use recording_checks::data::ONE_FREQUENCY;
+use recording_checks::found::Found as Counted;
 
-use crate::checks::data::ONE_FREQUENCY;
-use crate::checks::found::Found as Counted;
 use crate::closed_loop::search::{Model, Term};
 use crate::diagnose::JointTraces;
 use crate::evidence::ERRORS;
 use crate::evidence::shares::Interval;
 use crate::evidence::told::{Found, Said};
-use crate::report::{BeforeAfter, Gap, JointReport, SignalGap, Verdict};
-use crate::twin::observe::Channel;
 
 use super::bus::CommonDelay;
 use super::called::Responses;

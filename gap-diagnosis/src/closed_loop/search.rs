@@ -1,16 +1,17 @@
 //! A joint's recordings beside its twin: the numbers that are compared, how sure they are, and models of the joint.
 
-use crate::twin::TwinError;
+use joint_twin::TwinError;
+use joint_twin::known::Known;
+use joint_twin::observe::{Channel, SPREAD_S};
+use joint_twin::on_all_cores::OnAllCores;
+use joint_twin::scale::Scale;
+use joint_twin::signal::difference;
+use joint_twin::simulate::Between;
+use joint_twin::whiten::{Floor, Whitener, series};
+use joint_twin::{Changes, JointTwin, Row};
 use robot::Effect;
 
 use crate::effects::{Hypothesis, Shown, plain};
-use crate::on_all_cores::OnAllCores;
-use crate::twin::known::Known;
-use crate::twin::observe::{Channel, SPREAD_S};
-use crate::twin::scale::Scale;
-use crate::twin::simulate::Between;
-use crate::twin::whiten::{Floor, Whitener, series};
-use crate::twin::{Changes, JointTwin, Row};
 
 /// Runs of the twin with noise, of which the mean is taken.
 const NOISY_RUNS: u64 = 6;
@@ -321,8 +322,4 @@ fn doubts_nm(twin: &JointTwin<'_>) -> Result<Vec<f64>, TwinError> {
         }
     }
     Ok(doubts_nm)
-}
-
-pub(crate) fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
-    a.iter().zip(b).map(|(a, b)| a - b).collect()
 }

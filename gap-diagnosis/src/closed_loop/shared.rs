@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use crate::twin::TwinError;
+use gap_report::{JointShare, SharedEffect};
+use joint_twin::TwinError;
+use joint_twin::on_all_cores::OnAllCores;
 use nalgebra::DVector;
 use robot::{Effect, Robot};
 
@@ -14,8 +16,6 @@ use crate::closed_loop::search::Term;
 use crate::effects::Hypothesis;
 use crate::evidence::Message;
 use crate::evidence::arm::{self, Cause, ROUNDS, Shared};
-use crate::on_all_cores::OnAllCores;
-use crate::report::{JointShare, SharedEffect};
 
 /// A cause, by how many nats the joints are better told with it, and every joint that has a twin beside it.
 type Beside = (Shared, f64, Vec<Option<Explained>>);

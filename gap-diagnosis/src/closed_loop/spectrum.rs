@@ -2,11 +2,10 @@
 
 use std::f64::consts::TAU;
 
+use joint_twin::Row;
+use joint_twin::on_all_cores::OnAllCores;
+use joint_twin::signal::waves::{PERIODS_MIN, Waves};
 use nalgebra::DMatrix;
-
-use crate::on_all_cores::OnAllCores;
-use crate::signal::waves::{PERIODS_MIN, Waves};
-use crate::twin::Row;
 
 /// Fewest and most cycles per motor turn that are looked for.
 const CYCLES: [f64; 2] = [0.5, 24.0];
@@ -125,8 +124,9 @@ fn settled(cycles: f64, turns: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use joint_twin::signal::beside::Beside;
+
     use super::*;
-    use crate::signal::beside::Beside;
 
     #[test]
     fn what_comes_twice_a_turn_is_looked_for_once_a_turn_too() {
@@ -147,7 +147,8 @@ mod tests {
                 Row {
                     velocity_rad_s: 30.0 * t.cos(),
                     motor_angle_rad: 30.0 * t.sin(),
-                    ..Row::at_rest(t)
+                    time_s: t,
+                    ..Row::default()
                 }
             })
             .collect();
@@ -180,7 +181,8 @@ mod tests {
         let rows: Vec<Row> = (0..2000)
             .map(|k| Row {
                 motor_angle_rad: angle_rad(k),
-                ..Row::at_rest(k as f64 * 0.01)
+                time_s: k as f64 * 0.01,
+                ..Row::default()
             })
             .collect();
         let all: Vec<&Row> = rows.iter().collect();

@@ -2,16 +2,16 @@
 
 use std::collections::BTreeMap;
 
+use gap_report::{BeforeAfter, Parameter};
+use joint_twin::TwinError;
+use joint_twin::observe::Channel;
+use joint_twin::signal::random::uniform;
 use nalgebra::{DMatrix, DVector};
 
 use crate::closed_loop::search::{Model, Search, Term};
 use crate::effects::numbers::{numbers, side};
 use crate::evidence::INEXACT;
 use crate::evidence::shares::DRAWS;
-use crate::report::{BeforeAfter, Parameter};
-use crate::signal::random::uniform;
-use crate::twin::TwinError;
-use crate::twin::observe::Channel;
 
 /// Mean square of a channel's residual, rows as they count.
 pub fn mean_square(search: &Search<'_>, residual_nm: &[f64], channel: Channel) -> f64 {

@@ -1,12 +1,11 @@
 //! The drive and its bus: how much torque comes of a command, and when.
 
+use joint_twin::scale::Scale;
+use recording_checks::units::GAIN;
 use robot::{Effect, LateSide};
 
 use super::form::{Form, Wave, friction_step_nm};
-use crate::twin::scale::Scale;
 
-/// True over nominal torque within this: what is off by more is another unit, side or sign, which the checks of a recording find.
-pub const GAIN: [f64; 2] = [0.5, 2.0];
 /// Steps of a torque constant, as a part of it.
 const CONSTANT_STEP: f64 = 0.01;
 /// Steps of the current loop's lag.

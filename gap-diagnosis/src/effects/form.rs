@@ -3,10 +3,10 @@
 //! An amplitude of 1 is a step small enough for the response to be straight and large enough to be seen over rounding;
 //! a zero amplitude is no effect at all.
 
+use joint_twin::scale::Scale;
 use robot::Effect;
 
 use super::Shown;
-use crate::twin::scale::Scale;
 
 /// No effect is larger than some of these steps: keeps what the motion does not excite from taking any value.
 const PLAUSIBLE_STEPS: f64 = 200.0;

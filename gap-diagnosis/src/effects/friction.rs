@@ -1,9 +1,9 @@
 //! Friction at the joint: levels, drags, and how they change with time.
 
+use joint_twin::scale::Scale;
 use robot::Effect;
 
 use super::form::{Form, Wave, friction_step_nm};
-use crate::twin::scale::Scale;
 
 /// Steps of friction over load.
 const LOAD_STEP: f64 = 0.01;

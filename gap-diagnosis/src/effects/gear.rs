@@ -1,9 +1,9 @@
 //! The gear: how it leads and lags, and how it twists.
 
+use joint_twin::scale::Scale;
 use robot::Effect;
 
 use super::form::{Form, Wave, friction_step_nm, twist_step_rad};
-use crate::twin::scale::Scale;
 
 /// Softening steps: a part of the compliance.
 const COMPLIANCE_STEP: f64 = 0.05;

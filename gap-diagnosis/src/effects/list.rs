@@ -1,10 +1,10 @@
 //! The list of all effects, and which of them may be fitted to a joint.
 
+use joint_twin::scale::Scale;
 use robot::{EffectKind, Part};
 
 use super::form::Form;
 use super::*;
-use crate::twin::scale::Scale;
 
 /// How each effect is fitted.
 fn forms(kind: EffectKind) -> &'static [Form] {
@@ -42,7 +42,7 @@ fn forms(kind: EffectKind) -> &'static [Form] {
         }
         EffectKind::CommandDelay => &[drive::COMMAND_DELAY],
         EffectKind::SensorDelay => &[drive::SENSOR_DELAY, drive::LATE_ENCODERS],
-        // never: the samples show these by themselves, see `checks`
+        // never: the samples show these by themselves, see `recording_checks`
         EffectKind::EncoderQuantisation
         | EffectKind::VelocityFilterLag
         | EffectKind::DroppedCommands

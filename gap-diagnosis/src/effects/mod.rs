@@ -14,12 +14,11 @@ pub mod numbers;
 mod sensors;
 
 use arrayvec::ArrayVec;
+use joint_twin::scale::Scale;
 use robot::{Effect, EffectKind, Scope, Stage};
 
-pub use self::drive::GAIN;
 use self::form::Turn;
 pub use self::list::{Shown, delay, lag, periodic, plain};
-use crate::twin::scale::Scale;
 
 /// An effect to be fitted, at one shape.
 #[derive(Clone, Debug, PartialEq)]

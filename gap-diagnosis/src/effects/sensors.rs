@@ -1,9 +1,9 @@
 //! Encoders: where they are zero, and how they lead and lag as their shaft turns.
 
+use joint_twin::scale::Scale;
 use robot::{Effect, EncoderSide};
 
 use super::form::{Form, Turn, Wave, twist_step_rad};
-use crate::twin::scale::Scale;
 
 /// Steps of an encoder's zero.
 const OFFSET_STEP_RAD: f64 = 0.002;

@@ -1,8 +1,9 @@
 //! Names of a joint that could stand for one another.
 
+use gap_report::{Candidate, Confusable};
+
 use super::told::Found;
 use super::{DEVIATIONS, NAME_NATS, Names, Scored};
-use crate::report::{Candidate, Confusable};
 
 /// Nats by which one name would have to be ahead of another, if it were true, to be told from it: three standard deviations.
 const APART_NATS: f64 = 0.5 * DEVIATIONS * DEVIATIONS;

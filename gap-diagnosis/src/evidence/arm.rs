@@ -5,12 +5,12 @@
 
 use std::collections::BTreeMap;
 
+use gap_report::{JointShare, NamedEffect, SharedEffect};
 use nalgebra::{DMatrix, DVector};
 use robot::{Effect, Robot};
 
 use super::told;
 use super::{AMPLITUDE_NATS, ERRORS, Message, NAME_NATS};
-use crate::report::{JointShare, NamedEffect, SharedEffect};
 
 /// Rounds in which joints tell each other of a cause: a payload's inertia is quadratic in its moments, which settle to a hundredth in three.
 pub const ROUNDS: usize = 3;

@@ -5,12 +5,13 @@
 
 use std::f64::consts::TAU;
 
+use gap_report::Remains;
+use joint_twin::signal::waves::{PERIODS_MIN, Waves};
+
 use super::remaining::{bent, braking, hats, since_reversal};
 use super::rows::Rows;
-use crate::report::Remains;
 
 use super::{AMPLITUDE_NATS, Evidence, Fit, INEXACT, NAME_NATS, Names, Scored, Smooth};
-use crate::signal::waves::{PERIODS_MIN, Waves};
 
 /// Parts of the recording between which something may have changed at once: half of what is left out in turn.
 const INSTANTS: usize = 20;
@@ -204,7 +205,7 @@ mod tests {
     const ROWS: usize = 1000;
 
     fn noise(seed: u64) -> Vec<f64> {
-        let mut random = crate::signal::random::uniform(seed);
+        let mut random = joint_twin::signal::random::uniform(seed);
         (0..ROWS).map(|_| random() - 0.5).collect()
     }
 

@@ -22,10 +22,9 @@ pub mod told;
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DVector};
-
-pub use crate::twin::known::LAW as INEXACT;
 pub use fit::Fit;
+pub use joint_twin::known::LAW as INEXACT;
+use nalgebra::{DMatrix, DVector};
 pub use problem::{Item, Message, Presupposed, Problem, Smooth, Span};
 use settled::ROWS_LEAST;
 pub use settled::{Settled, independent_rows};
@@ -373,7 +372,7 @@ impl Evidence {
 
     /// One set's score.
     pub fn scored(&self, names: Names) -> Scored {
-        crate::stop::look();
+        joint_twin::stop::look();
         let by_part = self.left(names);
         let mut score = -self.cost(names) - 0.5 * self.strain(names);
         let mut left = [0.0; PARTS];
@@ -454,7 +453,7 @@ mod tests {
     const ROWS: usize = 600;
 
     fn noise(seed: u64) -> Vec<f64> {
-        let mut random = crate::signal::random::uniform(seed);
+        let mut random = joint_twin::signal::random::uniform(seed);
         (0..ROWS).map(|_| random() - 0.5).collect()
     }
 

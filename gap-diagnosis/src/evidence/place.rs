@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use gap_report::{BandShare, NamedEffect, Regime, RemainsOver, Where};
 use robot::Stage;
 
 use super::rows::Rows;
 use super::told::Found;
-use crate::report::{BandShare, NamedEffect, Regime, RemainsOver, Where};
 
 impl Found<'_> {
     pub(super) fn place(
@@ -87,7 +87,7 @@ pub fn regimes(variable: &str, values: &[f64], gap_nm: &[f64]) -> Vec<Regime> {
 
 /// Shares of the gap's square by frequency, octave by octave up to the compared band's end.
 fn bands(rows: &Rows, gap_nm: &[f64]) -> Vec<BandShare> {
-    use crate::signal::band::{Band, COMPARED_HZ};
+    use joint_twin::signal::band::{Band, COMPARED_HZ};
     let square: f64 = gap_nm.iter().map(|x| x * x).sum();
     let ends = rows.time_s.first().zip(rows.time_s.last());
     let Some((first, last)) = ends.filter(|(first, last)| last > first && square > 0.0) else {

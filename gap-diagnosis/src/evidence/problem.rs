@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
+use gap_report::Remains;
 use nalgebra::{DMatrix, DVector};
 
 use super::Names;
-use crate::report::Remains;
 
 /// Names without which another is less to be expected.
 #[derive(Clone, Copy, Debug)]

@@ -2,11 +2,11 @@
 
 use std::f64::consts::TAU;
 
+use gap_report::{Remains, RemainsOver};
 use nalgebra::{DMatrix, DVector};
 
 use super::rows::Rows;
 use super::{NAME_NATS, PARTS, independent_rows};
-use crate::report::{Remains, RemainsOver};
 
 /// Corners of a smooth law.
 const CORNERS: usize = 9;

@@ -2,6 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use gap_report::{
+    BeforeAfter, Candidate, Gap, JointReport, NamedEffect, Parameter, PlainFriction, Remaining,
+    Remains, RemainsOver, SignalGap, Verdict,
+};
 use joint_model::friction::SteadyFriction;
 use nalgebra::DMatrix;
 use robot::{Effect, EffectKind, Part};
@@ -12,10 +16,6 @@ use super::rows::Rows;
 use super::shares::{Game, Interval, Shares};
 use super::{DEVIATIONS, ERRORS, Evidence, Fit, Names, Scored};
 use crate::effects::numbers::{numbers, side};
-use crate::report::{
-    BeforeAfter, Candidate, Gap, JointReport, NamedEffect, Parameter, PlainFriction, Remaining,
-    Remains, RemainsOver, SignalGap, Verdict,
-};
 
 /// Share of the gap below which an effect is a minor one, unless the reader wants another.
 pub const MATERIALITY: f64 = 0.02;

@@ -1,17 +1,17 @@
 //! Torque that the robot file needs along the recorded motion, and how it changes with what the file may be wrong about: inverse
 //! dynamics, which cannot run away from the recording.
 
+use gap_report::TorqueSource;
 use joint_model::friction::Sliding;
 use joint_model::harmonic;
 use joint_model::rigid_body::{Chain, Link};
+use joint_twin::joint::JointModel;
+use joint_twin::known::{self, Every, KnownValue, PART_MIN};
 use nalgebra::{Matrix3, Vector3};
 use robot::{Effect, Robot, Tolerance, changed_chain};
 
 use super::motion::{JointMotion, Piece};
 use crate::evidence::arm::{LINKS_WRONG, OF_LINK};
-use crate::report::TorqueSource;
-use crate::twin::joint::JointModel;
-use crate::twin::known::{self, Every, KnownValue, PART_MIN};
 
 /// How the torque of every joint changes with something of the whole arm.
 #[derive(Clone, Debug)]

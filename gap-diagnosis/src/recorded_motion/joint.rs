@@ -1,5 +1,8 @@
 //! One joint as it is regressed: its rows, what may be named of it, and which names are.
 
+use gap_report::{DataFinding, JointReport, JointTorque, SignalGap, TorqueSource};
+use joint_twin::signal::band::COMPARED_HZ;
+use recording_checks::units::GAIN;
 use robot::{EffectKind, Robot};
 
 use super::dynamics::Drive;
@@ -7,12 +10,9 @@ use super::laws::{self, Law};
 use super::rows::JointRows;
 use super::shared::Prior;
 use super::signals::controller;
-use crate::effects::GAIN;
 use crate::evidence::arm::{self, Cause};
 use crate::evidence::imitation::{self, Ahead};
 use crate::evidence::{DEVIATIONS, Evidence, Fit, Item, Names, Presupposed, Problem, Scored, Span};
-use crate::report::{DataFinding, JointReport, JointTorque, SignalGap, TorqueSource};
-use crate::signal::band::COMPARED_HZ;
 
 /// Part of the torque that nobody can tell: torque transducers and current sensors of class 0.5 are linear to half a per cent.
 const LINEAR: f64 = 0.005;

@@ -3,16 +3,16 @@
 
 use std::collections::BTreeMap;
 
+use gap_report::Parameter;
+use joint_twin::joint::JointModel;
 use nalgebra::{DMatrix, DVector};
+use recording_checks::units::GAIN;
 use robot::Effect;
 
 use super::motion::JointMotion;
-use crate::effects::GAIN;
 use crate::effects::form::Wave;
 use crate::evidence::told::{self, Called, MATERIALITY};
 use crate::evidence::{AMPLITUDE_NATS, ERRORS, Fit, NAME_NATS, Presupposed};
-use crate::report::Parameter;
-use crate::twin::joint::JointModel;
 
 /// Speeds of Stribeck's fall, as parts of the usual speed: 0.05 to 0.4, below which there are no rows and above which the law is
 /// viscous friction's.

@@ -1,5 +1,6 @@
 //! Masses, centres and inertias of links where the file is wrong of them: what they do to each joint by name, and what they come to.
 
+use gap_report::{DataFinding, LinkChange, NamedEffect, Parameter};
 use nalgebra::DMatrix;
 use robot::{Effect, Robot};
 
@@ -8,7 +9,6 @@ use super::laws::Law;
 use crate::evidence::ERRORS;
 use crate::evidence::arm::{LINKS_WRONG, OF_LINK, Shared};
 use crate::evidence::told;
-use crate::report::{DataFinding, LinkChange, NamedEffect, Parameter};
 
 /// What the links' values do to one joint, called by what comes nearest of what a link is to its own joint: weight, or inertia. No share
 /// yet.

@@ -23,8 +23,18 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
+use dynamics::{Drive, Torques};
+use gap_report::{DataFinding, JointReport, JointShare, TorqueSource, TwinKind, Verdict};
+use joint::{Joint, Searched};
+use joint_twin::on_all_cores::OnAllCores;
+use laws::Laws;
+use motion::{Piece, Read};
 use recording::{Recording, Signal, as_measured};
 use robot::{EffectKind, Robot};
+use rows::JointRows;
+use shared::{Arm, Late};
+use sign::Sign;
+use usable::Usable;
 
 use crate::diagnose::{
     DiagnoseError, Diagnosis, JointTraces, Progress, blank_report, insufficient,
@@ -33,17 +43,6 @@ use crate::evidence::Fit;
 use crate::evidence::arm::Cause;
 use crate::evidence::shares::Interval;
 use crate::evidence::told::{Found, Said};
-use crate::on_all_cores::OnAllCores;
-use crate::report::{DataFinding, JointReport, JointShare, TorqueSource, TwinKind, Verdict};
-
-use dynamics::{Drive, Torques};
-use joint::{Joint, Searched};
-use laws::Laws;
-use motion::{Piece, Read};
-use rows::JointRows;
-use shared::{Arm, Late};
-use sign::Sign;
-use usable::Usable;
 
 /// Diagnoses a robot along the motion that was recorded. Effects below `materiality` are minor ones.
 ///

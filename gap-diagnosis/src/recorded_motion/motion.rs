@@ -2,18 +2,18 @@
 
 use std::borrow::Cow;
 
+use gap_report::TorqueSource;
 use joint_model::filter::FilterError;
+use joint_twin::on_all_cores::OnAllCores;
+use joint_twin::signal::band::{Band, COMPARED_HZ, MOTION_HZ, up_to};
+use joint_twin::signal::smooth::{derivative, second_derivative};
+use joint_twin::stretch::{STRETCH_MIN_S, StretchError};
 use recording::grid::{Grid, pieces};
 use recording::{JointColumns, MissingSignal, Recording, Signal, noise_std};
 use robot::Robot;
 
 use super::signals::controller;
 use crate::evidence::DEVIATIONS;
-use crate::on_all_cores::OnAllCores;
-use crate::report::TorqueSource;
-use crate::signal::band::{Band, COMPARED_HZ, MOTION_HZ, up_to};
-use crate::signal::smooth::{derivative, second_derivative};
-use crate::twin::stretch::{STRETCH_MIN_S, StretchError};
 
 /// Rows a second that hold the motion's band: seven times its end.
 const ROWS_HZ: f64 = 200.0;

@@ -1,7 +1,10 @@
 //! One joint's compared rows: the torque that the robot file does not need, and all columns that may explain it, in one band.
 
+use gap_report::TorqueSource;
 use joint_model::filter::FilterError;
 use joint_model::rigid_body::JointKind;
+use joint_twin::known::PART_MIN;
+use joint_twin::signal::band::{Band, MOTION_HZ};
 use robot::Robot;
 
 use super::dynamics::{ArmColumn, Drive, Torques, that_count, tip_weights};
@@ -11,9 +14,6 @@ use super::presliding::{self, Presliding};
 use super::turning::Turning;
 use crate::evidence::rows::Rows;
 use crate::evidence::told::MATERIALITY;
-use crate::report::TorqueSource;
-use crate::signal::band::{Band, MOTION_HZ};
-use crate::twin::known::PART_MIN;
 
 /// Compared rows of a joint at most: twenty times as many as are independent on the longest of eight real logs.
 const ROWS_MAX: usize = 3000;

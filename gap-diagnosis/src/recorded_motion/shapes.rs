@@ -2,15 +2,15 @@
 
 use std::f64::consts::TAU;
 
+use gap_report::TorqueSource;
 use joint_model::filter::FilterError;
+use joint_twin::signal::beside::Beside;
+use joint_twin::signal::waves::PERIODS_MIN;
 use nalgebra::DMatrix;
 
 use super::laws::{Law, Repeats};
 use super::rows::{JointRows, Kept};
 use crate::evidence::{ALIKE, independent_rows};
-use crate::report::TorqueSource;
-use crate::signal::beside::Beside;
-use crate::signal::waves::PERIODS_MIN;
 
 impl JointRows {
     /// Adds those laws whose shape the rows tell, one of each kind: a ripple of the motor's torque, friction that repeats with the motor's

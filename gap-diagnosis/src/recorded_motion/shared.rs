@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use joint_twin::on_all_cores::OnAllCores;
 use robot::Robot;
 
 use super::gravity::{COMPONENTS, Gravity};
@@ -10,7 +11,6 @@ use super::joint::{Joint, Searched};
 use crate::diagnose::Progress;
 use crate::evidence::Message;
 use crate::evidence::arm::{self, Cause, ROUNDS, Shared};
-use crate::on_all_cores::OnAllCores;
 
 /// All joints by themselves, their torques in some units.
 pub struct Arm {

@@ -1,51 +1,43 @@
 //! Which columns of a recording tell where a joint is and what torque moves it; the rest is left out, and said.
 
+use gap_report::TorqueSource;
 use recording::{JointColumns, Signal};
 use robot::{Control, ControlKind, Feedback, Feedforward, Robot};
 
-use crate::report::TorqueSource;
-
-impl TorqueSource {
-    /// The recording's name of it.
-    pub fn signal_name(self) -> &'static str {
-        match self {
-            Self::Drive => "motor_torque_nm",
-            Self::Command => "command_torque_nm",
-            Self::Sensor => "joint_torque_nm",
-            Self::Controller => "reference_position_rad",
-        }
+/// The column that a joint's torque is taken from.
+pub fn of_torque(source: TorqueSource) -> Signal {
+    match source {
+        TorqueSource::Drive => Signal::MotorTorqueNm,
+        TorqueSource::Command => Signal::CommandTorqueNm,
+        TorqueSource::Sensor => Signal::JointTorqueNm,
+        TorqueSource::Controller => Signal::ReferencePositionRad,
     }
+}
 
-    /// The column.
-    pub fn signal(self) -> Signal {
-        match self {
-            Self::Drive => Signal::MotorTorqueNm,
-            Self::Command => Signal::CommandTorqueNm,
-            Self::Sensor => Signal::JointTorqueNm,
-            Self::Controller => Signal::ReferencePositionRad,
-        }
-    }
-
-    /// All that a joint of all these recordings has, the best first. `is_bad`: columns that a check found wrong.
-    pub fn of(
-        robot: &Robot,
-        joints: &[&JointColumns],
-        is_bad: impl Fn(Signal) -> bool,
-    ) -> Vec<Self> {
-        let controller = controller(robot).is_some();
-        let there = |source: &Self| {
-            let signal = source.signal();
-            !is_bad(signal)
-                && (*source != Self::Controller || controller)
-                && joints
-                    .iter()
-                    .all(|columns| columns.measured(signal).is_some())
-        };
-        [Self::Drive, Self::Sensor, Self::Command, Self::Controller]
-            .into_iter()
-            .filter(there)
-            .collect()
-    }
+/// All torques that a joint of all these recordings has, the best first. `is_bad`: columns that a check found wrong.
+pub fn torques(
+    robot: &Robot,
+    joints: &[&JointColumns],
+    is_bad: impl Fn(Signal) -> bool,
+) -> Vec<TorqueSource> {
+    let controller = controller(robot).is_some();
+    let there = |source: &TorqueSource| {
+        let signal = of_torque(*source);
+        !is_bad(signal)
+            && (*source != TorqueSource::Controller || controller)
+            && joints
+                .iter()
+                .all(|columns| columns.measured(signal).is_some())
+    };
+    [
+        TorqueSource::Drive,
+        TorqueSource::Sensor,
+        TorqueSource::Command,
+        TorqueSource::Controller,
+    ]
+    .into_iter()
+    .filter(there)
+    .collect()
 }
 
 /// A controller whose torque follows from reference and position alone.

@@ -1,6 +1,7 @@
 //! How a joint's friction turns round, which is found before any name: every joint has it.
 
 use joint_model::filter::FilterError;
+use joint_twin::signal::band::Band;
 use nalgebra::{SMatrix, SVector};
 
 use super::dynamics::{Drive, Torques};
@@ -8,7 +9,6 @@ use super::laws;
 use super::motion::{JointMotion, Piece};
 use super::presliding::{self, Presliding};
 use crate::evidence::ALIKE;
-use crate::signal::band::Band;
 
 /// What is found first of a joint.
 pub struct Bent {

@@ -1,14 +1,14 @@
 //! What of the recordings can be used: a bad column is left out where others suffice, a bad joint is told, and only where nothing can
 //! be told of any joint the diagnosis has nothing to say.
 
+use gap_report::DataFinding;
+use gap_report::TorqueSource;
 use recording::{Finding, FindingKind, JointColumns, Recording, Severity, Signal};
+use recording_checks::data;
 use robot::Robot;
 
 use super::motion::Read;
 use super::signals;
-use crate::checks::data;
-use crate::report::DataFinding;
-use crate::report::TorqueSource;
 
 /// What may tell a torque.
 const TORQUES: [Signal; 3] = [
@@ -94,7 +94,7 @@ impl Usable {
             return true;
         }
         let read = self.read[index];
-        let torque = read.torque.map(TorqueSource::signal);
+        let torque = read.torque.map(signals::of_torque);
         read.position == Some(signal) || torque == Some(signal)
     }
 
@@ -126,7 +126,7 @@ impl Usable {
         let torque = if nothing {
             None
         } else {
-            let all = TorqueSource::of(robot, columns, is_bad);
+            let all = signals::torques(robot, columns, is_bad);
             all.first().copied()
         };
         let against = if nothing {
@@ -222,8 +222,9 @@ fn reported(finding: &Finding, is_used: bool) -> DataFinding {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
+    use made_up::swinging;
+
     use super::*;
-    use crate::made_up::swinging;
 
     #[test]
     fn a_time_that_is_wrong_is_against_every_joint() {

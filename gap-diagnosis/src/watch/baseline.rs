@@ -1,18 +1,18 @@
 //! What a joint was like while nothing changed: the robot file with what was already there, known values refitted.
 
+use gap_report::Candidate;
 use joint_model::rigid_body::Chain;
+use joint_twin::known::KnownValue;
+use joint_twin::observe::Channel;
+use joint_twin::stretch::stretches;
+use joint_twin::whiten::{Floor, Whitener};
+use joint_twin::{Changes, JointTwin};
 use recording::{Recording, Signal};
 use robot::{Effect, Robot, Tolerance, changed_chain};
 
 use crate::closed_loop;
 use crate::closed_loop::search::Search;
 use crate::diagnose::DiagnoseError;
-use crate::report::Candidate;
-use crate::twin::known::KnownValue;
-use crate::twin::observe::Channel;
-use crate::twin::stretch::stretches;
-use crate::twin::whiten::{Floor, Whitener};
-use crate::twin::{Changes, JointTwin};
 
 /// One joint as it was.
 #[derive(Clone, Debug)]

@@ -84,8 +84,9 @@ fn threshold(hops_between_alarms: f64) -> f64 {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
+    use joint_twin::signal::random::uniform;
+
     use super::*;
-    use crate::signal::random::uniform;
 
     /// Mean squares of so many normal numbers each.
     fn squares(hops: usize, seed: u64) -> Vec<f64> {

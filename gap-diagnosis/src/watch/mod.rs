@@ -9,17 +9,17 @@
 mod baseline;
 mod detector;
 
+use gap_report::Candidate;
+use joint_twin::on_all_cores::OnAllCores;
+use joint_twin::stretch::StretchError;
+use joint_twin::{END_S, START_S};
 use recording::{JointCycle, Recording, Window};
+use recording_checks::data::Checked;
+use recording_checks::mend;
 use robot::Robot;
 use serde::Serialize;
 
-use crate::checks::data::Checked;
-use crate::checks::mend;
 use crate::diagnose::DiagnoseError;
-use crate::on_all_cores::OnAllCores;
-use crate::report::Candidate;
-use crate::twin::stretch::StretchError;
-use crate::twin::{END_S, START_S};
 pub use baseline::Baseline;
 pub use detector::Detector;
 

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use gap_diagnosis::report::Report;
+use gap_report::Report;
 use joint_model::rigid_body::Link;
 use robot::{Effect, MassChange, Reshaping, Robot, RobotFile};
 use toml_edit::{DocumentMut, Item, TableLike};

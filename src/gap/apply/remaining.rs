@@ -6,7 +6,7 @@
 //! for a name is too small for a table: on another motion it took off nothing and, beyond the angles that were seen, added to the gap.
 
 use gap_diagnosis::Options;
-use gap_diagnosis::report::{JointReport, Remains, RemainsOver, Report};
+use gap_report::{JointReport, Remains, RemainsOver, Report};
 use robot::{TableOver, TorqueTable};
 use toml_edit::{Array, DocumentMut, Table};
 

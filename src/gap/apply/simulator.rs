@@ -4,7 +4,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use gap_diagnosis::report::{JointReport, Report};
+use gap_report::{JointReport, Report};
 use robot::{Effect, EffectKind, Outcome, Part, Reshaping, Simulator, SimulatorFile};
 use serde::Serialize;
 

@@ -1,6 +1,6 @@
 //! What is written loads again, says what the report says, and leaves everything else as it was.
 
-use gap_diagnosis::report::{JointTorque, Report, TorqueSource};
+use gap_report::{JointTorque, Report, TorqueSource};
 use robot::{Effect, RobotFile, Source};
 use serde_json::{Value, json};
 

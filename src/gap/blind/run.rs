@@ -5,8 +5,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use gap_diagnosis::baseline::{Baseline, baseline};
-use gap_diagnosis::report::Report;
 use gap_diagnosis::{DiagnoseError, Engine, Options};
+use gap_report::Report;
 use serde::Serialize;
 
 use super::make::progress_bar;

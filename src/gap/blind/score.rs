@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use blind::score::{Prediction, Scores, asked_joint, score};
 use blind::{CaseKind, Label};
-use gap_diagnosis::report::Report;
+use gap_report::Report;
 use serde::{Deserialize, Serialize};
 
 use super::make::progress_bar;

@@ -1,6 +1,6 @@
 //! Which effects take which part of the gap, and how sure that is.
 
-use gap_diagnosis::report::{JointReport, NamedEffect, Report};
+use gap_report::{JointReport, NamedEffect, Report};
 use report::{Axis, Column, Figure, Panel, Section, Series, Table, number};
 
 use super::words::{percent, with_value, words};

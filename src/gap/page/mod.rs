@@ -6,8 +6,8 @@ mod remains;
 mod traces;
 pub mod words;
 
-use gap_diagnosis::report::{JointReport, JointShare, Report, SharedEffect, Verdict};
 use gap_diagnosis::{Diagnosis, Options};
+use gap_report::{JointReport, JointShare, Report, SharedEffect, Verdict};
 use report::{
     Axis, Cell, Chain, Column, Figure, Node, Page, Panel, Section, Series, Table, number,
 };

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use gap_diagnosis::report::{JointReport, Regime, Report};
+use gap_report::{JointReport, Regime, Report};
 use report::{Axis, Column, Figure, HeatMap, Panel, Section, Series, Table, number};
 use robot::Stage;
 

@@ -1,6 +1,6 @@
 //! What the named effects leave, drawn over what it depends on.
 
-use gap_diagnosis::report::{JointReport, Remains, RemainsOver, Report};
+use gap_report::{JointReport, Remains, RemainsOver, Report};
 use report::{Axis, Column, Figure, Panel, Section, Series, Table};
 
 use super::effects::bars_height;

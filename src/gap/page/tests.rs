@@ -1,9 +1,7 @@
 //! The page says what the report says, needs no network, and stands with the least a report may hold.
 
-use gap_diagnosis::report::{
-    BeforeAfter, JointTorque, Remains, RemainsOver, Report, TorqueSource, Verdict,
-};
 use gap_diagnosis::{Diagnosis, JointTraces};
+use gap_report::{BeforeAfter, JointTorque, Remains, RemainsOver, Report, TorqueSource, Verdict};
 use serde_json::json;
 
 use super::page;

@@ -1,7 +1,7 @@
 //! The worst seconds: what was measured, and what the simulation says with and without the effects.
 
 use gap_diagnosis::JointTraces;
-use gap_diagnosis::report::Report;
+use gap_report::Report;
 use report::{Axis, Figure, Panel, Section, Series};
 
 use super::with_gap;

@@ -1,6 +1,6 @@
 //! The report in sentences.
 
-use gap_diagnosis::report::{
+use gap_report::{
     BeforeAfter, JointReport, NamedEffect, Remains, Report, SharedEffect, TwinKind, Verdict,
 };
 use report::number;
@@ -370,7 +370,7 @@ fn rest_step(joint: &JointReport) -> String {
 
 #[cfg(test)]
 mod tests {
-    use gap_diagnosis::report::Parameter;
+    use gap_report::Parameter;
 
     use super::*;
 

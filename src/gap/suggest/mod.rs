@@ -12,8 +12,8 @@ use std::fmt::Write;
 use std::path::Path;
 
 use comfy_table::{Table, presets};
-use gap_diagnosis::report::{Regime, Report};
 use gap_diagnosis::separate::{Pair, Separation, separations};
+use gap_report::{Regime, Report};
 use indicatif::{ProgressBar, ProgressStyle};
 use motion::{JointEntry, SampledReference, Trajectory, TrajectoryFile, WaypointsEntry};
 use recording::{Recording, Signal};

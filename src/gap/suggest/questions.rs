@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use gap_diagnosis::report::{JointReport, Report};
 use gap_diagnosis::separate::Pair;
+use gap_report::{JointReport, Report};
 use robot::{Effect, Robot};
 
 use crate::cli::GapSuggestArguments;
@@ -144,7 +144,7 @@ fn of_file(path: &Path, robot: &Robot) -> Result<Vec<Question>, CliError> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
-    use gap_diagnosis::report::{JointTorque, TorqueSource};
+    use gap_report::{JointTorque, TorqueSource};
     use robot::{RobotFile, Source};
     use serde_json::json;
 

@@ -2,20 +2,19 @@
 
 mod live;
 
-pub use live::Feed;
-
-use std::fmt::Write;
-use std::path::Path;
-
 use gap_diagnosis::DiagnoseError;
-use gap_diagnosis::report::Candidate;
 use gap_diagnosis::watch::{Event, Settings, Watch};
+use gap_report::Candidate;
+pub use live::Feed;
 use recording::{JointCycle, Recording, Signal};
 use report::number;
 use robot::Robot;
 use services::relay::{CycleMessages, record_row};
 use shm_types::messages::LoopState;
 use twin::Robots;
+
+use std::fmt::Write;
+use std::path::Path;
 
 use super::emulated::Course;
 use crate::cli::GapWatchArguments;
