@@ -3,7 +3,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use robot::Effect;
+use robot::{Effect, LateSide};
 
 /// Time constants over which friction that drifts is held against a law: a part of a recording of 30 s, up to most of it.
 const FADES_S: [f64; 5] = [1.0, 2.5, 6.0, 12.0, 25.0];
@@ -107,6 +107,13 @@ pub(crate) fn shapes(effect: Effect, waves: Option<f64>) -> Vec<Vec<Effect>> {
                 vec![other]
             };
             FADES_S.map(over).to_vec()
+        }
+        // a delay shows where the torques that come with the encoders do not wait for them
+        Effect::SensorDelay { delay_s, side } => {
+            let late = [LateSide::Both, LateSide::Motor, LateSide::Link].map(Some);
+            let sides = [side].into_iter().chain(late);
+            let of = |side| vec![Effect::SensorDelay { delay_s, side }];
+            sides.map(of).collect()
         }
         _ => vec![vec![effect]],
     }

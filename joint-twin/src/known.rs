@@ -64,6 +64,9 @@ pub enum Known {
     Skew,
     /// How much later a torque acts than the row it is recorded in.
     Instant,
+    /// How much later the encoders are read than the torque that a drive reports beside its command: a row may hold what it made before
+    /// the row's command took effect, or after.
+    Reported,
     /// Zero of the link's encoder less that of the motor's.
     Zero,
 }
@@ -219,6 +222,10 @@ impl KnownValue {
             }
             Known::Skew => model.link_skew_s += change,
             Known::Instant => model.command_delay_s += change,
+            Known::Reported => {
+                let delays_s = model.encoder_delays_s.iter_mut();
+                delays_s.for_each(|delay_s| *delay_s += change);
+            }
             Known::Zero => model.link_zero_rad += change,
             Known::Mass(_) | Known::Centre(..) | Known::Inertia(_) => {}
         }
@@ -232,6 +239,8 @@ pub struct Every {
     pub both_s: Option<f64>,
     /// Where a torque may be any instant's between two samples.
     pub torque_s: Option<f64>,
+    /// Where a torque is reported beside its command.
+    pub reported_s: Option<f64>,
 }
 
 /// What is known of a joint, its links aside.
@@ -271,6 +280,9 @@ pub fn of_joint(model: &JointModel, tolerance: &Tolerance, every: Every) -> Vec<
     }
     if let Some(period_s) = every.torque_s {
         beside(Known::Instant, SKEW_PART * period_s);
+    }
+    if let Some(period_s) = every.reported_s {
+        beside(Known::Reported, SKEW_PART * period_s);
     }
     all
 }

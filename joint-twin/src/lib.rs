@@ -186,6 +186,7 @@ impl<'a> JointTwin<'a> {
             torque_s: drives
                 .any(|drive| drive.between == Between::Line)
                 .then_some(period_s),
+            reported_s: channels.contains(&Channel::Drive).then_some(period_s),
         };
         let mut known = known::of_joint(&nominal, &robot.tolerance, every);
         let links = known::of_links(robot, joint, &motions);

@@ -64,7 +64,8 @@ pub(crate) fn readings(joint: &str, search: &Search<'_>, known: &[[f64; 2]]) -> 
         );
         note(what, "set the zeros of both where no torque twists the gear")
     });
-    let instant = found(Known::Instant).map(|(later_s, std_s)| {
+    let instant = found(Known::Instant).or_else(|| found(Known::Reported));
+    let instant = instant.map(|(later_s, std_s)| {
         let what = format!(
             "the torque of a row is that of {:.2} ± {:.2} ms {} its position, {:.2} of the time between samples; the diagnosis allows \
              for it",

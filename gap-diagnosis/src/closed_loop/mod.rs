@@ -311,6 +311,27 @@ mod tests {
     }
 
     #[test]
+    fn a_row_may_hold_the_torque_before_its_command_acted_or_after() {
+        for later in [false, true] {
+            let mut recording = MadeUp::KNOWN.recorded(uniform(3));
+            let signals = &mut recording.joints[0].signals;
+            let torque_nm = signals.get_mut(&Signal::MotorTorqueNm).unwrap();
+            let command_nm = torque_nm.clone();
+            if later {
+                torque_nm.rotate_left(1);
+            }
+            signals.insert(Signal::CommandTorqueNm, command_nm);
+            let joint = told_of(recording);
+            assert_eq!(
+                joint.verdict,
+                Verdict::NoGap,
+                "{later}: {:?}",
+                names(&joint)
+            );
+        }
+    }
+
+    #[test]
     fn a_ripple_is_told_with_its_cycles_and_takes_the_gap() {
         let joint = told(&MadeUp {
             ripple_nm: 1.0,

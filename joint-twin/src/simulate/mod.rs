@@ -17,8 +17,6 @@ mod drive;
 mod hold;
 mod load_step;
 
-use std::iter::repeat;
-
 use joint_model::filter::Butterworth;
 use joint_model::friction::{Direction, Sliding};
 use joint_model::harmonic;
@@ -287,6 +285,8 @@ struct State {
     commands_nm: [f64; HISTORY],
     /// As [`Measured::of`] takes them: encoders first.
     seen: [[f64; 5]; HISTORY],
+    /// How fast the encoders turned then.
+    turning_rad_s: [[f64; 2]; HISTORY],
     newest: usize,
 }
 
@@ -316,6 +316,7 @@ impl State {
             rounding: [0.0; 2],
             commands_nm: [command_nm; HISTORY],
             seen: [[motor_rad, link_rad, command_nm, load_nm, 0.0]; HISTORY],
+            turning_rad_s: [[velocity_rad_s; 2]; HISTORY],
             newest: 0,
         }
     }
@@ -339,13 +340,24 @@ impl State {
             self.joint_torque_nm,
             self.holding_nm,
         ];
+        self.turning_rad_s[self.newest] = [self.motor_rad_s, self.link_rad_s];
         let mut seen = self.seen[self.newest];
-        let more_s = model.encoder_delays_s.into_iter().chain(repeat(0.0));
-        for ((signal, seen), more_s) in seen.iter_mut().enumerate().zip(more_s) {
-            let periods = (model.sensor_delay_s + more_s) / period_s;
-            if periods > 0.0 {
-                *seen = delayed(periods, |age| self.seen[self.index(age)][signal]);
-            }
+        for (signal, seen) in seen.iter_mut().enumerate() {
+            *seen = match model.encoder_delays_s.get(signal) {
+                Some(more_s) => {
+                    let late_s = model.sensor_delay_s + more_s;
+                    turned_rad(late_s / period_s, |age| {
+                        let at = self.index(age);
+                        [
+                            self.seen[at][signal],
+                            self.turning_rad_s[at][signal] * period_s,
+                        ]
+                    })
+                }
+                None => delayed(model.sensor_delay_s / period_s, |age| {
+                    self.seen[self.index(age)][signal]
+                }),
+            };
         }
         let shown = Measured::of(model, seen);
         let Some(noise) = noise else {
@@ -529,6 +541,24 @@ impl State {
 struct Gear {
     torque_nm: f64,
     slope_nm_s_rad: f64,
+}
+
+/// An angle so many periods ago, by the angles and turns a period of so many periods' age: a cubic between two that turns as both did
+/// (Hermite). What is yet to come turns on, as much faster or slower as in the last period.
+fn turned_rad(periods: f64, at: impl Fn(usize) -> [f64; 2]) -> f64 {
+    if periods <= 0.0 {
+        let [[now, turn], [_, turn_before]] = [at(0), at(1)];
+        return now - periods * (turn - 0.5 * periods * (turn - turn_before));
+    }
+    let whole = periods as usize;
+    let [[after, turn_after], [before, turn_before]] = [at(whole), at(whole + 1)];
+    let t = 1.0 - (periods - whole as f64);
+    let way = after - before;
+    let [bend, twist] = [
+        3.0 * way - 2.0 * turn_before - turn_after,
+        turn_before + turn_after - 2.0 * way,
+    ];
+    before + t * (turn_before + t * (bend + t * twist))
 }
 
 /// Between the remembered values around an age.
