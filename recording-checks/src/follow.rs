@@ -228,7 +228,10 @@ impl Response {
 
     /// By how much each of the last commands counts in the torque, newest first, with the delay and lag that fit best.
     pub(crate) fn weights(&self) -> Vec<f64> {
-        let (follow, _) = self.best(&delays(), &[&FAST_LAGS_S[..], &slow_lags_s()].concat());
+        let (follow, _) = self.best(
+            &delays(),
+            &[&FAST_LAGS_S[..], &slow_lags_s(self.period_s)].concat(),
+        );
         self.taps(follow).iter().copied().collect()
     }
 
@@ -277,7 +280,13 @@ pub(crate) fn answered_after(
 ) -> Option<f64> {
     SPANS.iter().find_map(|span| {
         let response = Response::over(*span, columns, period_s)?;
-        let (follow, left) = response.best(&delays(), &FAST_LAGS_S);
+        let (mut follow, mut left) = response.best(&delays(), &FAST_LAGS_S);
+        // a torque that goes on after its command is no answer that comes later; what it does within a row may be other commands'
+        let (slow, with_lag) = response.best(&delays(), &slow_lags_s(period_s));
+        let is_seen = slow.lag_s > period_s;
+        if is_seen && left - with_lag > SURE.powi(2) * with_lag / response.rows {
+            (follow, left) = (slow, with_lag);
+        }
         let is_clear = left < UNCLEAR * response.square && follow.delay < LATEST;
         let is_worth = told.is_none_or(|told| {
             let late = DELAY_STEP * f64::from(LATE_STEPS);
@@ -296,9 +305,11 @@ fn delays() -> Vec<f64> {
         .collect()
 }
 
-/// Time constants of slower and slower current loops.
-fn slow_lags_s() -> Vec<f64> {
-    (0..40).map(|k| FAST_LAG_S * LAG_RATIO.powi(k)).collect()
+/// Time constants of slower and slower current loops, up to the samples over which a response is sought.
+fn slow_lags_s(period_s: f64) -> Vec<f64> {
+    let all = std::iter::successors(Some(FAST_LAG_S), |lag_s| Some(LAG_RATIO * lag_s));
+    all.take_while(|lag_s| *lag_s <= TAPS as f64 * period_s)
+        .collect()
 }
 
 /// Lag of the current loop, and delay of the command beyond what the robot file's controller has, where that is told.
@@ -319,7 +330,7 @@ impl Response {
             .copied()
             .filter(|delay| *delay <= latest + 1e-9)
             .collect();
-        let lags = slow_lags_s();
+        let lags = slow_lags_s(self.period_s);
         let (_, as_told) = self.best(&usual, &FAST_LAGS_S);
         let (late, with_delay) = self.best(&all, &FAST_LAGS_S);
         let (slow, with_lag) = self.best(&usual, &lags);
@@ -424,6 +435,25 @@ pub(crate) mod tests {
             panic!("{delay:?}");
         };
         assert!((delay_s - 3e-3).abs() < 2e-4, "{delay_s}");
+    }
+
+    #[test]
+    fn a_torque_that_goes_on_answers_when_it_begins() {
+        let command_nm = command();
+        let period_s = 2e-3;
+        for lag_s in [1e-4, 2e-2, 6e-2] {
+            let share = -f64::exp_m1(-period_s / lag_s);
+            let mut torque_nm = vec![0.0; command_nm.len()];
+            for k in 1..torque_nm.len() {
+                torque_nm[k] = torque_nm[k - 1] + share * (command_nm[k - 1] - torque_nm[k - 1]);
+            }
+            let joint = columns(vec![
+                (Signal::CommandTorqueNm, command_nm.clone()),
+                (Signal::MotorTorqueNm, torque_nm),
+            ]);
+            let after = answered_after(&[joint], period_s, None).unwrap();
+            assert!((after - 1.0).abs() <= DELAY_STEP, "{lag_s}: {after}");
+        }
     }
 
     #[test]

@@ -186,10 +186,12 @@ impl Found<'_> {
         });
         let effects = effects.into_iter();
         let effects = effects.map(|(item, effect)| (self.called.is_usual(item), effect));
+        // where nothing tells what a model is off by, what few joints have must take a part of the gap for certain
+        let is_floor_known = self.is_at_floor.is_some();
         let (effects, minor_effects): (Vec<_>, Vec<_>) =
             effects.chain(of_links).partition(|(is_usual, effect)| {
-                // what few joints have must take a part of the gap for certain
-                effect.share >= self.materiality && (*is_usual || effect.share_low > 0.0)
+                let may_be_uncertain = is_floor_known || *is_usual;
+                effect.share >= self.materiality && (may_be_uncertain || effect.share_low > 0.0)
             });
         let [mut effects, minor_effects] = [effects, minor_effects].map(|named| {
             let named = named.into_iter();
