@@ -278,19 +278,24 @@ pub(crate) fn answered_after(
     period_s: f64,
     told: Option<f64>,
 ) -> Option<f64> {
+    let all = delays();
+    let slow_s = slow_lags_s(period_s);
     SPANS.iter().find_map(|span| {
         let response = Response::over(*span, columns, period_s)?;
-        let (mut follow, mut left) = response.best(&delays(), &FAST_LAGS_S);
         // a torque that goes on after its command is no answer that comes later; what it does within a row may be other commands'
-        let (slow, with_lag) = response.best(&delays(), &slow_lags_s(period_s));
-        let is_seen = slow.lag_s > period_s;
-        if is_seen && left - with_lag > SURE.powi(2) * with_lag / response.rows {
-            (follow, left) = (slow, with_lag);
-        }
+        let fast = response.best(&all, &FAST_LAGS_S);
+        let slow = response.best(&all, &slow_s);
+        let is_slow =
+            slow.0.lag_s > period_s && fast.1 - slow.1 > SURE.powi(2) * slow.1 / response.rows;
+        let ((follow, left), lags_s) = if is_slow {
+            (slow, &slow_s[..])
+        } else {
+            (fast, &FAST_LAGS_S[..])
+        };
         let is_clear = left < UNCLEAR * response.square && follow.delay < LATEST;
         let is_worth = told.is_none_or(|told| {
             let late = DELAY_STEP * f64::from(LATE_STEPS);
-            let (_, as_told) = response.best(&[told, told + 0.5 * late, told + late], &FAST_LAGS_S);
+            let (_, as_told) = response.best(&[told, told + 0.5 * late, told + late], lags_s);
             as_told - left > SURE.powi(2) * left / response.rows
         });
         (is_clear && is_worth).then_some(follow.delay)
@@ -451,8 +456,11 @@ pub(crate) mod tests {
                 (Signal::CommandTorqueNm, command_nm.clone()),
                 (Signal::MotorTorqueNm, torque_nm),
             ]);
-            let after = answered_after(&[joint], period_s, None).unwrap();
+            let joint = [joint];
+            let after = answered_after(&joint, period_s, None).unwrap();
             assert!((after - 1.0).abs() <= DELAY_STEP, "{lag_s}: {after}");
+            // what is told is as it shows, however slow the drive
+            assert_eq!(answered_after(&joint, period_s, Some(1.0)), None, "{lag_s}");
         }
     }
 
