@@ -278,7 +278,7 @@ impl Evidence {
         let prior = self.prior();
         self.lift = self.lift();
         let lift = &self.lift;
-        self.whole = Reduced::of(&total, &[], &prior, lift);
+        self.whole = Reduced::of(&total, &[], &prior, lift, self.shared_columns);
         self.trains = (0..PARTS)
             .map(|part| {
                 let mut train = total.clone();
@@ -290,8 +290,15 @@ impl Evidence {
             .collect();
         self.reduced = (0..PARTS)
             .map(|part| {
-                let tests: Vec<&Sums> = self.parts.iter().map(|of_span| &of_span[part]).collect();
-                Reduced::of(&self.trains[part], &tests, &prior, lift)
+                let of_part = self.parts.iter().map(|of_span| &of_span[part]);
+                let tests: Vec<(&Sums, f64)> = of_part.zip(relative.iter().copied()).collect();
+                Reduced::of(
+                    &self.trains[part],
+                    &tests,
+                    &prior,
+                    lift,
+                    self.shared_columns,
+                )
             })
             .collect();
     }
@@ -548,6 +555,27 @@ mod tests {
         // half of two deviations' square is less than a name costs, of four it is more
         assert_eq!(best(2.0), 0);
         assert_eq!(best(4.0), 1);
+    }
+
+    #[test]
+    fn what_one_tenth_alone_tells_of_a_known_value_is_no_error_of_a_law() {
+        let law = noise(1);
+        let only_once: Vec<f64> = (0..ROWS)
+            .zip(noise(3))
+            .map(|(k, x)| {
+                if k / (ROWS / PARTS) == 4 {
+                    40.0 * x
+                } else {
+                    0.0
+                }
+            })
+            .collect();
+        let gap_nm = sum(&sum(&noise(2), &law, 2.0), &only_once, 1.0);
+        let columns = [law];
+        let items = [item(0, &columns)];
+        let of = evidence(&gap_nm, &[span(0..ROWS, 0.0)], &items, &[only_once]);
+        let left = of.mean_squares(1)[0];
+        assert!((left * 12.0 - 1.0).abs() < 0.2, "{left}");
     }
 
     #[test]

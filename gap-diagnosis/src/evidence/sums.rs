@@ -26,7 +26,9 @@ pub(super) struct Reduced {
     pub per_law: DMatrix<f64>,
 }
 
-/// What a part that is left out says of a fit.
+/// What a part that is left out says of a fit: by how much it is off, beyond what the values in every set leave open. Those are known by
+/// their priors and the other parts; what this part adds to that is no error of the laws'. (The logarithm of the determinant of what
+/// they leave open is the same for all sets.)
 #[derive(Clone)]
 pub(super) struct Test {
     pub gram: DMatrix<f64>,
@@ -98,6 +100,51 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
+/// A part that is left out: what the other parts leave of it, and what that is along the columns in every set.
+struct OfPart {
+    test: Test,
+    /// Squares of these columns.
+    gram: DMatrix<f64>,
+    /// Their products with the rest, without laws and less per value of each law's column.
+    off: DVector<f64>,
+    per_law: DMatrix<f64>,
+}
+
+/// What is left once the columns in every set have what the part itself tells of their values, at the price of what the other parts do:
+/// with `u` the rest's products with them and `A` the precision they have with this part, `uᵀA⁻¹u` less.
+fn beyond_what_is_open(
+    of_parts: Vec<OfPart>,
+    tests: &[(&Sums, f64)],
+    mut precision: DMatrix<f64>,
+) -> Vec<Test> {
+    let Some(first) = of_parts.first() else {
+        return Vec::new();
+    };
+    let mut off = DVector::zeros(first.off.len());
+    let mut per_law = DMatrix::zeros(first.per_law.nrows(), first.per_law.ncols());
+    for (of, (_, weight)) in of_parts.iter().zip(tests) {
+        precision += &of.gram * *weight;
+        off.axpy(*weight, &of.off, 1.0);
+        per_law += &of.per_law * *weight;
+    }
+    let moved = (!off.is_empty()).then(|| precision.cholesky()).flatten();
+    let moved = moved.map(|solved| (solved.solve(&off), solved.solve(&per_law)));
+    of_parts
+        .into_iter()
+        .map(|of| {
+            let mut test = of.test;
+            if let Some((value, by_law)) = &moved {
+                let cross = by_law.transpose() * &of.per_law;
+                test.gram -= 0.5 * (&cross + cross.transpose());
+                test.vector -=
+                    0.5 * (by_law.transpose() * &of.off + of.per_law.transpose() * value);
+                test.square -= value.dot(&of.off);
+            }
+            test
+        })
+        .collect()
+}
+
 impl Reduced {
     pub fn empty() -> Self {
         Self {
@@ -111,12 +158,14 @@ impl Reduced {
 
     pub fn of(
         train: &Sums,
-        tests: &[&Sums],
+        tests: &[(&Sums, f64)],
         (prior, pull): &(DMatrix<f64>, DVector<f64>),
         lift: &[f64],
+        shared: usize,
     ) -> Self {
         let laws = lift.len();
         let beside = prior.nrows();
+        let open = beside - shared;
         let block = |sums: &Sums| {
             let gram = &sums.gram;
             (
@@ -129,8 +178,9 @@ impl Reduced {
         };
         let (ll, tl, tt, bl, bt) = block(train);
         let (mut rest, mut per_law) = (DVector::zeros(beside), DMatrix::zeros(beside, laws));
+        let precision = tt + prior;
         if beside > 0
-            && let Some(solved) = (tt + prior).cholesky()
+            && let Some(solved) = precision.clone().cholesky()
         {
             rest = solved.solve(&(&bt + pull));
             per_law = solved.solve(&tl);
@@ -140,17 +190,27 @@ impl Reduced {
             lifted[(k, k)] += lift;
         }
         let train_vector = &bl - tl.transpose() * &rest;
-        let tests = tests.iter().map(|sums| {
-            let (ll, tl, tt, bl, bt) = block(sums);
-            let cross = tl.transpose() * &per_law;
-            let inner = &tl - &tt * &per_law;
-            Test {
-                gram: &ll - &cross - cross.transpose() + per_law.transpose() * &tt * &per_law,
-                vector: &bl - per_law.transpose() * &bt - inner.transpose() * &rest,
-                square: sums.square - 2.0 * rest.dot(&bt) + rest.dot(&(&tt * &rest)),
-            }
-        });
-        let tests = tests.collect();
+        let of_parts: Vec<OfPart> = tests
+            .iter()
+            .map(|(sums, _)| {
+                let (ll, tl, tt, bl, bt) = block(sums);
+                let cross = tl.transpose() * &per_law;
+                let inner = &tl - &tt * &per_law;
+                OfPart {
+                    off: (&bt - &tt * &rest).rows(0, open).into_owned(),
+                    test: Test {
+                        gram: &ll - &cross - cross.transpose()
+                            + per_law.transpose() * &tt * &per_law,
+                        vector: &bl - per_law.transpose() * &bt - inner.transpose() * &rest,
+                        square: sums.square - 2.0 * rest.dot(&bt) + rest.dot(&(&tt * &rest)),
+                    },
+                    gram: tt.view((0, 0), (open, open)).into_owned(),
+                    per_law: inner.rows(0, open).into_owned(),
+                }
+            })
+            .collect();
+        let precision = precision.view((0, 0), (open, open)).into_owned();
+        let tests = beyond_what_is_open(of_parts, tests, precision);
         Self {
             train: lifted,
             train_vector,
