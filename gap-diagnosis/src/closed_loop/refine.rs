@@ -10,10 +10,10 @@ use crate::closed_loop::search::{Model, Search, Term};
 use crate::evidence::{DEVIATIONS, Settled};
 
 /// Steps at most.
-const STEPS: usize = 6;
+const STEPS: usize = 12;
 /// Parts of a step that are tried, the first that takes something off is taken.
 const PARTS: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
-/// Nats that a step must take off, or it is the last: a tenth of what tells one set from another.
+/// Nats that a step must take off or promise, or it is the last: a tenth of what tells one set from another.
 const STILL_NATS: f64 = 0.3;
 
 /// A model with what it leaves.
@@ -58,7 +58,8 @@ impl Worth {
     }
 }
 
-/// The model that leaves least from a start on. `known`: responses to the known values, about a model that is not far.
+/// The model that leaves least from a start on. `known`: responses to the known values, about a model that is not far; found anew where
+/// no step keeps what it promises.
 ///
 /// # Errors
 /// [`TwinError`].
@@ -82,8 +83,10 @@ pub fn refined(
     let mut model = start.clone();
     let (mut base_nm, mut left_nm) = coarse(&model)?;
     let mut nats = worth.nats(&model, &left_nm);
+    let mut known = known.to_vec();
+    let mut is_far = false;
     for _ in 0..STEPS {
-        let mut columns: Vec<Vec<f64>> = known.to_vec();
+        let mut columns = known.clone();
         for place in 0..model.terms.len() {
             columns.extend(own_columns(
                 search,
@@ -93,7 +96,7 @@ pub fn refined(
                 Step::Ahead(&base_nm),
             )?);
         }
-        let Some(step) = step(worth, &columns, known.len(), &model, &left_nm) else {
+        let Some((step, promised)) = step(worth, &columns, known.len(), &model, &left_nm) else {
             break;
         };
         let mut found = None;
@@ -107,8 +110,16 @@ pub fn refined(
             }
         }
         let Some((tried, base, left, after)) = found else {
-            break;
+            if !is_far || promised < STILL_NATS {
+                break;
+            }
+            // the known values respond otherwise by now
+            let columns = search.known_columns(&base_nm, &model)?;
+            known = columns.iter().map(|raw| compared.pick(raw)).collect();
+            is_far = false;
+            continue;
         };
+        is_far = true;
         let gained = nats - after;
         (model, base_nm, left_nm, nats) = (tried, base, left, after);
         if gained < STILL_NATS {
@@ -118,14 +129,14 @@ pub fn refined(
     Ok(Refined { model, nats })
 }
 
-/// Gauss and Newton's step.
+/// Gauss and Newton's step, and what it takes off, in nats, where responses are straight.
 fn step(
     worth: &Worth,
     columns: &[Vec<f64>],
     known: usize,
     model: &Model,
     left_nm: &[f64],
-) -> Option<DVector<f64>> {
+) -> Option<(DVector<f64>, f64)> {
     let count = columns.len();
     let mut matrix = DMatrix::zeros(count, count);
     let mut vector = DVector::zeros(count);
@@ -144,7 +155,9 @@ fn step(
         matrix[(i, i)] += 1e-9 * matrix[(i, i)] + 1e-12 + precision;
         vector[i] -= precision * value;
     }
-    Some(matrix.cholesky()?.solve(&vector))
+    let step = matrix.cholesky()?.solve(&vector);
+    let promised = 0.5 * step.dot(&vector);
+    Some((step, promised))
 }
 
 /// Prior precision and value of all that is fitted of a term: nothing is known of its shape.
