@@ -319,13 +319,31 @@ fn slow_lags_s(period_s: f64) -> Vec<f64> {
 
 /// Lag of the current loop, and delay of the command beyond what the robot file's controller has, where that is told.
 pub(crate) fn slow_drive(responses: &[Response], delay_cycles: Option<usize>) -> Vec<Found> {
-    let found = responses.iter().map(|response| response.slow(delay_cycles));
+    let found = responses
+        .iter()
+        .map(|response| response.slow(delay_cycles, responses));
     let mut found = found.filter(|found| !found.is_empty());
     found.next().unwrap_or_default()
 }
 
+/// The delay that all changes tell of a torque that follows at once: over one sample they may tell it best and not that it is there.
+fn delay_without_lag(responses: &[Response]) -> f64 {
+    let each = responses.iter().map(|response| {
+        let lagged = response.lagged(0.0);
+        let left: Vec<f64> = delays().iter().map(|delay| lagged.left(*delay)).collect();
+        let least = left.iter().copied().fold(f64::INFINITY, f64::min);
+        let variance = (least / response.rows).max(1e-300);
+        left.into_iter().map(move |left| left / variance).collect()
+    });
+    let each: Vec<Vec<f64>> = each.collect();
+    let all = delays().into_iter().enumerate();
+    let all = all.map(|(place, delay)| (delay, each.iter().map(|of| of[place]).sum::<f64>()));
+    let best = all.min_by(|a, b| a.1.total_cmp(&b.1));
+    best.map_or(0.0, |(delay, _)| delay)
+}
+
 impl Response {
-    fn slow(&self, delay_cycles: Option<usize>) -> Vec<Found> {
+    fn slow(&self, delay_cycles: Option<usize>, every: &[Self]) -> Vec<Found> {
         let all = delays();
         let told = delay_cycles.map_or(LATEST, told_delay);
         // a recorder may write down what acts from a row on: sooner than told is no effect
@@ -374,7 +392,7 @@ impl Response {
         if late > DELAY_STEP * f64::from(LATE_STEPS) {
             // no lag that is told is one that only chance tells from a delay
             let late = if found.is_empty() {
-                self.best(&all, &[0.0]).0.delay - told
+                delay_without_lag(every) - told
             } else {
                 late
             };
@@ -501,7 +519,7 @@ pub(crate) mod tests {
                 (Signal::MotorTorqueNm, torque.collect()),
             ]);
             let steps = Response::of_steps(std::slice::from_ref(&joint), 1e-3).unwrap();
-            assert_eq!(steps.slow(Some(0)), [], "steps drown in the noise");
+            assert_eq!(steps.slow(Some(0), &[]), [], "steps drown in the noise");
             slow_drive(&Response::all(&[joint], 1e-3), Some(0))
         };
         assert_eq!(late(1, 1.0), []);
