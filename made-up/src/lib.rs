@@ -23,6 +23,8 @@ const LINK_KG: f64 = 3.0;
 /// From the joint to the link's centre of mass.
 const CENTRE_M: f64 = 0.3;
 const LINK_KG_M2: f64 = 0.06;
+const BUMP_RAD: f64 = 0.15;
+const BUMP_WIDTH_RAD: f64 = 0.05;
 
 /// What the joint has that its robot file does not know, and how it is moved.
 pub struct MadeUp {
@@ -34,6 +36,8 @@ pub struct MadeUp {
     pub ripple_nm: f64,
     /// How often it repeats in a turn of the motor.
     pub ripple_cycles: f64,
+    /// Joint side: friction more around one angle, which is no law with a name.
+    pub bump_nm: f64,
     /// Wanted position over time, as sines of an amplitude and an angular frequency.
     pub sines: [[f64; 2]; 2],
 }
@@ -45,6 +49,7 @@ impl MadeUp {
         payload_kg: 0.0,
         ripple_nm: 0.0,
         ripple_cycles: 6.0,
+        bump_nm: 0.0,
         sines: [[0.4, 2.0], [0.1, 7.0]],
     };
 
@@ -77,8 +82,9 @@ impl MadeUp {
                 let free_rad = twist_rad.clamp(-0.5 * self.gap_rad, 0.5 * self.gap_rad);
                 let gear_nm = STIFFNESS_NM_RAD * (twist_rad - free_rad)
                     + DAMPING_NM_S_RAD * (speed[0] - speed[1]);
+                let bump_nm = self.bump_nm * (-((at[0] - BUMP_RAD) / BUMP_WIDTH_RAD).powi(2)).exp();
                 let friction_nm =
-                    COULOMB_NM * (speed[0] / 2e-3).tanh() + VISCOUS_NM_S_RAD * speed[0];
+                    (COULOMB_NM + bump_nm) * (speed[0] / 2e-3).tanh() + VISCOUS_NM_S_RAD * speed[0];
                 let ripple_nm = self.ripple_nm * (self.ripple_cycles * RATIO * at[0]).sin();
                 let weight_nm = link_kg * 9.81 * CENTRE_M * at[1].sin();
                 speed[0] += step_s * (torque_nm + ripple_nm - friction_nm - gear_nm) / rotor_kg_m2;

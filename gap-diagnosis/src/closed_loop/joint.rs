@@ -7,7 +7,7 @@ use recording_checks::found::Found as Counted;
 
 use crate::closed_loop::repeated::Repeated;
 use crate::closed_loop::search::{Model, Search, Term};
-use crate::evidence::imitation;
+use crate::evidence::imitation::{self, Ahead};
 use crate::evidence::rows::Rows;
 use crate::evidence::{Evidence, Scored};
 
@@ -42,6 +42,8 @@ pub(super) struct Explained {
     pub evidence: Evidence,
     /// What is told, then the others, the best first.
     pub sets: Vec<Scored>,
+    /// A smooth law on no list that explains something that is left.
+    pub leaves: Option<Ahead>,
 }
 
 impl Explained {
@@ -99,6 +101,7 @@ impl<'a> Joint<'a> {
             about,
             evidence,
             sets,
+            leaves: None,
         }
     }
 
@@ -138,10 +141,11 @@ impl<'a> Joint<'a> {
             about,
             evidence,
             sets,
+            leaves,
         } = explained;
         let rows = self.rows()?;
         let best = sets[0].names;
-        imitation::take_back(
+        *leaves = imitation::take_back(
             sets,
             evidence,
             &rows,
@@ -163,6 +167,7 @@ impl<'a> Joint<'a> {
             about,
             evidence,
             sets,
+            ..
         } = explained;
         let mut tried: Vec<(Vec<String>, Scored)> = Vec::new();
         for set in sets {

@@ -249,7 +249,7 @@ pub fn diagnose(
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
-    use gap_report::{JointReport, Verdict};
+    use gap_report::{JointReport, Remains, Verdict};
     use joint_twin::signal::random::uniform;
     use made_up::{MadeUp, robot};
     use recording::Signal;
@@ -275,6 +275,17 @@ mod tests {
     fn a_joint_as_its_file_has_it_has_no_gap() {
         let joint = told(&MadeUp::KNOWN);
         assert_eq!(joint.verdict, Verdict::NoGap, "{:?}", names(&joint));
+    }
+
+    #[test]
+    fn a_law_on_no_list_is_a_gap_without_a_name() {
+        let joint = told(&MadeUp {
+            bump_nm: 0.3,
+            ..MadeUp::KNOWN
+        });
+        assert_eq!(joint.verdict, Verdict::Unexplained, "{:?}", names(&joint));
+        assert_eq!(joint.candidates[0].effect, "unknown");
+        assert_eq!(joint.remaining_over[0].over, Remains::Position);
     }
 
     #[test]

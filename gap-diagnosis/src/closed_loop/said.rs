@@ -79,7 +79,8 @@ impl Joint<'_> {
         let left = explained.evidence.mean_squares(best.names);
         let settled = explained.evidence.settled();
         let mut above = left.iter().zip(settled);
-        let is_at_floor = above.all(|(left, settled)| *left <= ERRORS.powi(2) * settled.floor);
+        let is_at_floor = explained.leaves.is_none()
+            && above.all(|(left, settled)| *left <= ERRORS.powi(2) * settled.floor);
         let called = Responses {
             search: &self.search,
             about: &explained.about,
@@ -93,7 +94,7 @@ impl Joint<'_> {
             noise_square: explained.evidence.floor_square(best.names),
             evidence: &explained.evidence,
             sets: &explained.sets,
-            leaves: None,
+            leaves: explained.leaves,
             is_at_floor: Some(is_at_floor),
             shared: arm.shared.as_slice(),
             of_links: None,
@@ -142,6 +143,7 @@ impl Joint<'_> {
             about,
             evidence,
             sets,
+            ..
         } = explained;
         let beside = evidence.values_beside(sets[0].names);
         let square = |gap_nm: &[f64]| {
