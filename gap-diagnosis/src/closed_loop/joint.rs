@@ -9,7 +9,7 @@ use crate::closed_loop::repeated::Repeated;
 use crate::closed_loop::search::{Model, Search, Term};
 use crate::evidence::imitation::{self, Ahead};
 use crate::evidence::rows::Rows;
-use crate::evidence::{Evidence, Scored};
+use crate::evidence::{AMPLITUDE_NATS, Evidence, Scored};
 
 use super::counted;
 use super::refine::{Refined, Worth, refined};
@@ -180,11 +180,44 @@ impl<'a> Joint<'a> {
             .iter()
             .on_all_cores(|(_, set)| {
                 let fitted = self.fitted(explained, set)?;
-                Ok((fitted.nats + evidence.cost(set.names), fitted.model))
+                Ok((fitted.nats + evidence.cost(set.names), fitted))
             })
-            .collect::<Result<Vec<(f64, Model)>, TwinError>>()?;
+            .collect::<Result<Vec<(f64, Refined)>, TwinError>>()?;
         let best = fitted.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
-        Ok(best.map(|(_, model)| model))
+        let best = best.map(|(_, fitted)| self.without_ends(explained, fitted));
+        best.transpose()
+    }
+
+    /// The same model with what a name is where the motion does not reach its end, if that leaves no more than its further freedom costs.
+    fn without_ends(&self, explained: &Explained, fitted: Refined) -> Result<Model, TwinError> {
+        let mut simpler = fitted.model.clone();
+        for term in &mut simpler.terms {
+            if let Some((hypothesis, amplitude)) = term
+                .hypothesis
+                .without_end(&term.amplitudes, &self.search.scale)
+            {
+                *term = Term {
+                    hypothesis,
+                    amplitudes: vec![amplitude],
+                };
+            }
+        }
+        let mut kinds = kinds_of(&simpler);
+        kinds.dedup();
+        if simpler == fitted.model || kinds.len() < simpler.terms.len() {
+            return Ok(fitted.model);
+        }
+        let Explained {
+            about, evidence, ..
+        } = explained;
+        let worth = Worth::of(&self.compared, evidence.settled());
+        let simpler = refined(&self.search, &self.compared, &worth, &about.known, &simpler)?;
+        let is_enough = simpler.nats <= fitted.nats + AMPLITUDE_NATS;
+        Ok(if is_enough {
+            simpler.model
+        } else {
+            fitted.model
+        })
     }
 
     /// A set, fitted by simulation.

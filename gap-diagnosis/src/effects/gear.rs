@@ -82,6 +82,11 @@ pub const BACKLASH: Form = Form {
     })
 };
 
+/// Steps of compliance that a gear of this stiffness has.
+pub fn softening_steps(stiffness_nm_rad: f64, scale: &Scale) -> f64 {
+    (scale.stiffness_nm_rad / stiffness_nm_rad - 1.0) / COMPLIANCE_STEP
+}
+
 /// Change of stiffness by so many steps of compliance; the stiffness itself where the file tells none.
 fn softened_nm_rad(steps: f64, scale: &Scale) -> f64 {
     if scale.stiffness_is_known {
