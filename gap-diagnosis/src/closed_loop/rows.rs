@@ -228,6 +228,7 @@ impl About {
             items: &self.items(),
             inexact: compared.inexact,
             tolerated: &self.known,
+            is_open: true,
             shared: of_arm.map(|of| (of.columns.as_slice(), &of.message)),
         })
     }
@@ -245,6 +246,7 @@ impl About {
             items: &items,
             inexact: compared.inexact,
             tolerated: &self.known,
+            is_open: true,
             shared: Some((of_arm.columns.as_slice(), &of_arm.message)),
         })
     }

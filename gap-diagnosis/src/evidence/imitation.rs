@@ -259,6 +259,7 @@ mod tests {
             }],
             items: &items,
             tolerated: &[],
+            is_open: false,
             inexact: 0.0,
             shared: None,
         });

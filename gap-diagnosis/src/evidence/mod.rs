@@ -71,6 +71,7 @@ pub struct Evidence {
     inexact: f64,
     shared: Option<Message>,
     shared_columns: usize,
+    is_open: bool,
     /// Of the residual that decides, span by span.
     settled: Vec<Settled>,
     /// Prior of the items' columns.
@@ -146,6 +147,7 @@ impl Evidence {
             inexact: self.inexact,
             shared: self.shared.clone(),
             shared_columns: self.shared_columns,
+            is_open: self.is_open,
             settled: self.settled.clone(),
             lift: Vec::new(),
             trains: Vec::new(),
@@ -209,6 +211,7 @@ impl Evidence {
             inexact: problem.inexact,
             shared,
             shared_columns,
+            is_open: problem.is_open,
             lift: Vec::new(),
             trains: Vec::new(),
             reduced: Vec::new(),
@@ -276,9 +279,14 @@ impl Evidence {
         let total = self.total();
         let relative = self.relative();
         let prior = self.prior();
+        let open = if self.is_open {
+            prior.1.len() - self.shared_columns
+        } else {
+            0
+        };
         self.lift = self.lift();
         let lift = &self.lift;
-        self.whole = Reduced::of(&total, &[], &prior, lift, self.shared_columns);
+        self.whole = Reduced::of(&total, &[], &prior, lift, open);
         self.trains = (0..PARTS)
             .map(|part| {
                 let mut train = total.clone();
@@ -292,13 +300,7 @@ impl Evidence {
             .map(|part| {
                 let of_part = self.parts.iter().map(|of_span| &of_span[part]);
                 let tests: Vec<(&Sums, f64)> = of_part.zip(relative.iter().copied()).collect();
-                Reduced::of(
-                    &self.trains[part],
-                    &tests,
-                    &prior,
-                    lift,
-                    self.shared_columns,
-                )
+                Reduced::of(&self.trains[part], &tests, &prior, lift, open)
             })
             .collect();
     }
@@ -490,6 +492,7 @@ mod tests {
             spans,
             items,
             tolerated: known,
+            is_open: true,
             inexact: 0.0,
             shared: None,
         })

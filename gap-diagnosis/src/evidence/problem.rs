@@ -82,6 +82,9 @@ pub struct Problem<'a> {
     pub items: &'a [Item<'a>],
     /// Columns with a standard deviation of one.
     pub tolerated: &'a [Vec<f64>],
+    /// Whether a part that is left out may tell their values too, at the price of what the others say of them: of responses that are
+    /// the model's own. Along a recorded motion they stand for other choices of a motion's columns, which the other parts decide.
+    pub is_open: bool,
     /// Part of what the names explain by which no law is exact.
     pub inexact: f64,
     /// A shared cause's columns, with what the other joints say of them.

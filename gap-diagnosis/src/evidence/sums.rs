@@ -161,11 +161,10 @@ impl Reduced {
         tests: &[(&Sums, f64)],
         (prior, pull): &(DMatrix<f64>, DVector<f64>),
         lift: &[f64],
-        shared: usize,
+        open: usize,
     ) -> Self {
         let laws = lift.len();
         let beside = prior.nrows();
-        let open = beside - shared;
         let block = |sums: &Sums| {
             let gram = &sums.gram;
             (

@@ -176,6 +176,7 @@ impl Joint {
             spans: &self.spans(),
             items: &self.items(),
             tolerated: &[links, &self.rows.tolerated, &self.rows.untold].concat(),
+            is_open: false,
             inexact: 0.0,
             shared: shared.map(|prior| (prior.columns.as_slice(), &prior.message)),
         })
