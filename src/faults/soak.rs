@@ -288,13 +288,14 @@ impl fmt::Display for SoakReport {
 mod tests {
     use super::*;
 
-    fn checkpoint(cycle: u64, memory_kib: u64, files: u64) -> Checkpoint {
-        let held = Held { memory_kib, files };
-        Checkpoint {
-            cycle,
+    /// Looks one after the other, at memory in KiB and open files.
+    fn looks(held: &[(u64, u64)]) -> SoakReport {
+        let checkpoint = |(place, &(memory_kib, files)): (usize, &(u64, u64))| Checkpoint {
+            cycle: place as u64 + 1,
             wall_s: 0.0,
-            held: [("loop".to_owned(), held)].into(),
-        }
+            held: [("loop".to_owned(), Held { memory_kib, files })].into(),
+        };
+        report(held.iter().enumerate().map(checkpoint).collect())
     }
 
     fn report(checkpoints: Vec<Checkpoint>) -> SoakReport {
@@ -311,43 +312,18 @@ mod tests {
 
     #[test]
     fn what_is_taken_at_the_start_is_no_growth_and_what_comes_later_is() {
-        let warm = report(vec![
-            checkpoint(1, 1000, 5),
-            checkpoint(2, 9000, 7),
-            checkpoint(3, 9500, 7),
-        ]);
-        assert_eq!(warm.look(Some("Running"), ""), Vec::<String>::new());
-        let once_behind = report(vec![
-            checkpoint(1, 1000, 5),
-            checkpoint(2, 1000, 5),
-            checkpoint(3, 1000, 5),
-            checkpoint(4, 2000, 5),
-            checkpoint(5, 3000, 5),
-            checkpoint(6, 3100, 5),
-        ]);
-        assert_eq!(once_behind.look(Some("Running"), ""), Vec::<String>::new());
-        let opened_for_an_instant = report(vec![
-            checkpoint(1, 1000, 5),
-            checkpoint(2, 1000, 5),
-            checkpoint(3, 1000, 5),
-            checkpoint(4, 1000, 5),
-            checkpoint(5, 1000, 5),
-            checkpoint(6, 1000, 6),
-        ]);
+        let found = |held: &[(u64, u64)]| looks(held).look(Some("Running"), "");
+        let nothing = Vec::<String>::new();
+        let steady = (1000, 5);
+        let warm = [steady, (9000, 7), (9500, 7)];
+        assert_eq!(found(&warm), nothing);
+        let once_behind = [steady, steady, steady, (2000, 5), (3000, 5), (3100, 5)];
+        assert_eq!(found(&once_behind), nothing);
+        let opened_for_an_instant = [steady, steady, steady, steady, steady, (1000, 6)];
+        assert_eq!(found(&opened_for_an_instant), nothing);
+        let leaking = [steady, steady, steady, (1550, 5), (2100, 6), (2700, 6)];
         assert_eq!(
-            opened_for_an_instant.look(Some("Running"), ""),
-            Vec::<String>::new()
-        );
-        let leaking = report(vec![
-            checkpoint(1, 1000, 5),
-            checkpoint(2, 1000, 5),
-            checkpoint(3, 1000, 5),
-            checkpoint(4, 1550, 5),
-            checkpoint(5, 2100, 6),
-            checkpoint(6, 2700, 6),
-        ]);
-        assert_eq!(
-            leaking.look(Some("Running"), ""),
+            found(&leaking),
             [
                 "loop grew from 1000 to 2700 KiB",
                 "loop had 5 files open, then 6"
