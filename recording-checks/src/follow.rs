@@ -328,18 +328,19 @@ pub(crate) fn slow_drive(responses: &[Response], delay_cycles: Option<usize>) ->
 
 /// The delay that all changes tell of a torque that follows at once: over one sample they may tell it best and not that it is there.
 fn delay_without_lag(responses: &[Response]) -> f64 {
-    let each = responses.iter().map(|response| {
+    let all = delays();
+    let mut squares = vec![0.0; all.len()];
+    for response in responses {
         let lagged = response.lagged(0.0);
-        let left: Vec<f64> = delays().iter().map(|delay| lagged.left(*delay)).collect();
+        let left: Vec<f64> = all.iter().map(|delay| lagged.left(*delay)).collect();
         let least = left.iter().copied().fold(f64::INFINITY, f64::min);
         let variance = (least / response.rows).max(1e-300);
-        left.into_iter().map(move |left| left / variance).collect()
-    });
-    let each: Vec<Vec<f64>> = each.collect();
-    let all = delays().into_iter().enumerate();
-    let all = all.map(|(place, delay)| (delay, each.iter().map(|of| of[place]).sum::<f64>()));
-    let best = all.min_by(|a, b| a.1.total_cmp(&b.1));
-    best.map_or(0.0, |(delay, _)| delay)
+        for (sum, left) in squares.iter_mut().zip(left) {
+            *sum += left / variance;
+        }
+    }
+    let best = all.iter().zip(&squares).min_by(|a, b| a.1.total_cmp(b.1));
+    best.map_or(0.0, |(delay, _)| *delay)
 }
 
 impl Response {
