@@ -4,7 +4,7 @@
 //! a zero amplitude is no effect at all.
 
 use joint_twin::scale::Scale;
-use robot::Effect;
+use robot::{Effect, EffectKind};
 
 use super::Shown;
 
@@ -66,6 +66,8 @@ pub struct Form {
     pub repeats_with: Option<Turn>,
     /// Whether what repeats does so at several numbers of cycles.
     pub has_harmonics: bool,
+    /// What it is, and how much of it, where the motion does not reach the end that its shape is.
+    pub without_end: fn(&[f64], &Scale) -> Option<(EffectKind, f64)>,
     /// Whether what repeats is the shaft's own: after a turn it is what it was, so its number of cycles is whole.
     pub is_of_shaft: bool,
 }
@@ -88,6 +90,7 @@ impl Form {
             is_switch: false,
             repeats_with: None,
             has_harmonics: false,
+            without_end: |_, _| None,
             is_of_shaft: false,
         }
     }

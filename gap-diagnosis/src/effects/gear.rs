@@ -1,7 +1,7 @@
 //! The gear: how it leads and lags, and how it twists.
 
 use joint_twin::scale::Scale;
-use robot::Effect;
+use robot::{Effect, EffectKind};
 
 use super::form::{Form, Wave, friction_step_nm, twist_step_rad};
 
@@ -41,12 +41,14 @@ pub const SOFT_WINDUP: Form = Form {
         [0.05 * scale.friction_nm, most_nm]
     },
     is_positive: true,
-    ..Form::of(|amplitude, knee_nm, scale| {
-        let compliance = 1.0 + 4.0 * COMPLIANCE_STEP * amplitude[0];
-        Effect::SoftWindup {
-            low_stiffness_nm_rad: scale.stiffness_nm_rad / compliance,
-            knee_nm,
-        }
+    // a knee that no torque reaches is none
+    without_end: |amplitude, scale| {
+        let steps = softening_steps(low_stiffness_nm_rad(amplitude[0], scale), scale);
+        Some((EffectKind::TorsionalCompliance, steps))
+    },
+    ..Form::of(|amplitude, knee_nm, scale| Effect::SoftWindup {
+        low_stiffness_nm_rad: low_stiffness_nm_rad(amplitude[0], scale),
+        knee_nm,
     })
 };
 
@@ -82,11 +84,6 @@ pub const BACKLASH: Form = Form {
     })
 };
 
-/// Steps of compliance that a gear of this stiffness has.
-pub fn softening_steps(stiffness_nm_rad: f64, scale: &Scale) -> f64 {
-    (scale.stiffness_nm_rad / stiffness_nm_rad - 1.0) / COMPLIANCE_STEP
-}
-
 /// Change of stiffness by so many steps of compliance; the stiffness itself where the file tells none.
 fn softened_nm_rad(steps: f64, scale: &Scale) -> f64 {
     if scale.stiffness_is_known {
@@ -97,6 +94,21 @@ fn softened_nm_rad(steps: f64, scale: &Scale) -> f64 {
             + steps.max(0.0) * twist_step_rad(scale) / scale.friction_nm;
         1.0 / compliance_rad_nm
     }
+}
+
+/// The steps that make a gear as soft as this: [`softened_nm_rad`], turned round.
+fn softening_steps(stiffness_nm_rad: f64, scale: &Scale) -> f64 {
+    let softer = scale.stiffness_nm_rad / stiffness_nm_rad - 1.0;
+    if scale.stiffness_is_known {
+        softer / COMPLIANCE_STEP
+    } else {
+        softer / scale.stiffness_nm_rad * scale.friction_nm / twist_step_rad(scale)
+    }
+}
+
+/// Of a windup below its knee.
+fn low_stiffness_nm_rad(steps: f64, scale: &Scale) -> f64 {
+    scale.stiffness_nm_rad / (1.0 + 4.0 * COMPLIANCE_STEP * steps)
 }
 
 /// About the torque of friction, and up to half of what the gear carries where that is more.
@@ -114,6 +126,27 @@ fn knees_nm(scale: &Scale) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::effects::tests::scale;
+
+    #[test]
+    fn a_windup_without_an_end_is_a_gear_as_soft() {
+        for stiffness_is_known in [true, false] {
+            let scale = Scale {
+                stiffness_is_known,
+                ..scale()
+            };
+            let Some((_, steps)) = (SOFT_WINDUP.without_end)(&[5.0], &scale) else {
+                panic!("no soft gear");
+            };
+            let changed = softened_nm_rad(steps, &scale);
+            let file = if stiffness_is_known {
+                scale.stiffness_nm_rad
+            } else {
+                0.0
+            };
+            let soft = low_stiffness_nm_rad(5.0, &scale);
+            assert!(((file + changed) / soft - 1.0).abs() < 1e-9, "{changed}");
+        }
+    }
 
     #[test]
     fn no_gear_is_stiffer_than_one_of_which_nothing_is_known() {

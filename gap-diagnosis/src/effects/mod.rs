@@ -65,17 +65,10 @@ impl Hypothesis {
         Self::new(self.kind, self.place, shape)
     }
 
-    /// What it is, and how much of it, where the motion does not reach its end: a windup whose knee no torque reaches is a soft gear.
+    /// What it is, and how much of it, where the motion does not reach the end that its shape is.
     pub(crate) fn without_end(&self, amplitudes: &[f64], scale: &Scale) -> Option<(Self, f64)> {
-        let Effect::SoftWindup {
-            low_stiffness_nm_rad,
-            ..
-        } = self.effect(amplitudes, scale)
-        else {
-            return None;
-        };
-        let softer = Self::new(EffectKind::TorsionalCompliance, 0, &[]);
-        Some((softer, gear::softening_steps(low_stiffness_nm_rad, scale)))
+        let (kind, amplitude) = (self.form().without_end)(amplitudes, scale)?;
+        Some((Self::new(kind, 0, &[]), amplitude))
     }
 
     /// The same effect, of a mass that one joint carries, begun at a distance from its axis.
@@ -244,28 +237,6 @@ pub(crate) mod tests {
             period_s: 1e-3,
             motor_turns: 20.0,
         }
-    }
-
-    #[test]
-    fn a_windup_without_an_end_is_a_gear_as_soft() {
-        let windup = Hypothesis::new(EffectKind::SoftWindup, 0, &[2.0]);
-        let Some((softer, amplitude)) = windup.without_end(&[5.0], &scale()) else {
-            panic!("no soft gear");
-        };
-        let Effect::SoftWindup {
-            low_stiffness_nm_rad,
-            ..
-        } = windup.effect(&[5.0], &scale())
-        else {
-            panic!("no windup");
-        };
-        let Effect::TorsionalCompliance { stiffness_nm_rad } =
-            softer.effect(&[amplitude], &scale())
-        else {
-            panic!("no soft gear");
-        };
-        let stiffness_nm_rad = scale().stiffness_nm_rad + stiffness_nm_rad;
-        assert!((stiffness_nm_rad / low_stiffness_nm_rad - 1.0).abs() < 1e-9);
     }
 
     #[test]
