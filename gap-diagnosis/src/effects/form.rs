@@ -34,6 +34,9 @@ pub enum Turn {
     Link,
 }
 
+/// From an effect's amplitudes: another effect that it then is, and how many of that one's steps.
+pub type WithoutEnd = fn(&[f64], &Scale) -> Option<(EffectKind, f64)>;
+
 /// One form of one effect: amplitudes that enter linearly, and at most one shape that does not.
 #[derive(Clone, Copy, Debug)]
 pub struct Form {
@@ -67,7 +70,7 @@ pub struct Form {
     /// Whether what repeats does so at several numbers of cycles.
     pub has_harmonics: bool,
     /// What it is, and how much of it, where the motion does not reach the end that its shape is.
-    pub without_end: fn(&[f64], &Scale) -> Option<(EffectKind, f64)>,
+    pub without_end: WithoutEnd,
     /// Whether what repeats is the shaft's own: after a turn it is what it was, so its number of cycles is whole.
     pub is_of_shaft: bool,
 }
