@@ -7,6 +7,7 @@ use recording_checks::found::Found as Counted;
 
 use crate::closed_loop::repeated::Repeated;
 use crate::closed_loop::search::{Model, Search, Term};
+use crate::evidence::arm::AheadOf;
 use crate::evidence::imitation::{self, Ahead};
 use crate::evidence::rows::Rows;
 use crate::evidence::{AMPLITUDE_NATS, Evidence, Scored};
@@ -48,7 +49,7 @@ pub(super) struct Explained {
 
 impl Explained {
     /// Nats by which a joint is better told than it is by another explanation, with the rows that both count as independent.
-    pub fn ahead_of(&self, other: &Self) -> f64 {
+    pub fn ahead_of(&self, other: &Self, joint: &Joint<'_>) -> AheadOf {
         let [own, others] = [self, other].map(|of| {
             let names = of.sets[0].names;
             let left = of.evidence.mean_squares(names);
@@ -58,7 +59,12 @@ impl Explained {
                 .zip(settled)
                 .map(|(left, settled)| (left + settled.floor, settled.independent_rows))
                 .collect();
-            (all, of.evidence.cost(names))
+            let strains = of.evidence.strains(names);
+            let of_links = strains.iter().zip(&joint.search.twin.known);
+            let of_links = of_links.filter(|(_, value)| value.known.is_of_links());
+            let of_links = 0.5 * of_links.map(|(strain, _)| strain).sum::<f64>();
+            let cost = of.evidence.cost(names) + 0.5 * of.evidence.strain(names) - of_links;
+            (all, cost, of_links)
         });
         let by_signal = own.0.iter().zip(&others.0);
         let gained: f64 = by_signal
@@ -66,7 +72,10 @@ impl Explained {
                 0.5 * own_rows.min(*other_rows) * (others / own).ln()
             })
             .sum();
-        gained + others.1 - own.1
+        AheadOf {
+            own: gained + others.1 - own.1,
+            strain_of_links: [own.2, others.2],
+        }
     }
 }
 

@@ -61,6 +61,15 @@ impl Compared {
         }
     }
 
+    /// Whether so many times a column is more than the floor of some signal.
+    pub fn shows(&self, column: &[f64], times: f64) -> bool {
+        self.spans.iter().any(|span| {
+            let own = &column[span.rows.clone()];
+            let floor = own.len() as f64 * span.floor_nm.powi(2);
+            times.powi(2) * own.iter().map(|x| x * x).sum::<f64>() > floor
+        })
+    }
+
     /// A column of the twin's rows, as it counts.
     pub fn pick(&self, column: &[f64]) -> Vec<f64> {
         let both = self.order.iter().zip(&self.weights);
@@ -403,9 +412,9 @@ impl Response {
 pub enum Step<'a> {
     /// From what the model itself shows.
     Ahead(&'a [f64]),
-    /// From a step back: what a tilt about an axis along which gravity points does is of second order, which a step one way would show
-    /// as of first.
-    BothWays,
+    /// From a step back, each so many times the effect's own: what a tilt about an axis along which gravity points does is of second order,
+    /// which a step one way would show as of first.
+    BothWays(&'a [f64]),
 }
 
 /// Responses to the values of one of the model's own terms.
@@ -427,11 +436,11 @@ pub fn own_columns(
                 beside.terms[place] = search.stepped(term, &steps);
                 search.coarsely_nm(&beside)
             };
-            let ahead_nm = at(1.0)?;
             Ok(match step {
-                Step::Ahead(base_nm) => compared.pick(&difference(&ahead_nm, base_nm)),
-                Step::BothWays => {
-                    let mut column = compared.pick(&difference(&ahead_nm, &at(-1.0)?));
+                Step::Ahead(base_nm) => compared.pick(&difference(&at(1.0)?, base_nm)),
+                Step::BothWays(sizes) => {
+                    let [ahead_nm, back_nm] = [at(sizes[value])?, at(-sizes[value])?];
+                    let mut column = compared.pick(&difference(&ahead_nm, &back_nm));
                     column.iter_mut().for_each(|x| *x *= 0.5);
                     column
                 }

@@ -15,10 +15,17 @@ use super::rows::{About, OfArm, Step, own_columns};
 use crate::closed_loop::search::Term;
 use crate::effects::Hypothesis;
 use crate::evidence::Message;
-use crate::evidence::arm::{self, Cause, ROUNDS, Shared};
+use crate::evidence::arm::{self, Cause, Shared};
 
 /// A cause, by how many nats the joints are better told with it, and every joint that has a twin beside it.
 type Beside = (Shared, f64, Vec<Option<Explained>>);
+
+/// A payload's inertia goes with the inverse of its mass; for this part of the mass a step both ways tells its slope to a tenth.
+const PART_OF_MASS: f64 = 0.25;
+/// Rounds in which joints tell each other of a cause at most: one whose mass is first taken for a third of what it is has it to a hundredth.
+const SETTLE: usize = 8;
+/// A cause has settled where it moves by no more than this part of its standard errors.
+const SETTLED: f64 = 0.1;
 
 /// One step of each amplitude of its hypothesis.
 fn steps(cause: Cause, joint: &Joint<'_>, hypothesis: &Hypothesis) -> Vec<f64> {
@@ -57,9 +64,19 @@ fn beside(
     };
     let mut model = begin.model.clone();
     model.terms.insert(0, term.clone());
-    let mut columns = own_columns(search, &joint.compared, &model, 0, Step::BothWays)?;
-    for (column, step) in columns.iter_mut().zip(&steps) {
-        column.iter_mut().for_each(|x| *x /= step);
+    let mut sizes = vec![1.0; steps.len()];
+    if cause == Cause::Payload {
+        let part = PART_OF_MASS * said[0].abs() / steps[0];
+        sizes[0] = part.clamp(f64::EPSILON.sqrt(), 1.0);
+    }
+    let step = Step::BothWays(&sizes);
+    let mut columns = own_columns(search, &joint.compared, &model, 0, step)?;
+    for ((column, step), size) in columns.iter_mut().zip(&steps).zip(&sizes) {
+        column.iter_mut().for_each(|x| *x /= step * size);
+        // what is below the floor however much there is of it tells nothing but rounding
+        if !joint.compared.shows(column, cause.deviation()) {
+            column.fill(0.0);
+        }
     }
     model.terms.remove(0);
     model.settled.push(term);
@@ -109,7 +126,7 @@ fn worth<'a>(
     }
     let mut all: Vec<Option<(About, OfArm)>> = Vec::new();
     let mut messages: Vec<Option<Message>> = Vec::new();
-    for _ in 0..ROUNDS {
+    for _ in 0..SETTLE {
         all = joints
             .iter()
             .zip(begins)
@@ -141,7 +158,11 @@ fn worth<'a>(
         if 0.5 * next.dot(&together.pull) < cause.cost() {
             return Ok(None);
         }
+        let moved = &next - &said;
         said = next;
+        if (&together.precision * &moved).dot(&moved) < SETTLED * SETTLED {
+            break;
+        }
     }
     let others = arm::others(&arm::prior(&[cause]), &messages);
     let with = joints
@@ -156,11 +177,12 @@ fn worth<'a>(
             Ok(Some(joint.explained(about, Some(&of_arm))?))
         })
         .collect::<Result<Vec<_>, TwinError>>()?;
-    let gained = alone.iter().zip(&with).filter_map(|(alone, with)| {
-        let (alone, with) = (alone.as_ref()?, with.as_ref()?);
-        Some(with.ahead_of(alone))
+    let both = joints.iter().zip(alone).zip(&with);
+    let gained = both.filter_map(|((joint, alone), with)| {
+        let (joint, alone, with) = (joint.as_ref()?, alone.as_ref()?, with.as_ref()?);
+        Some(with.ahead_of(alone, joint))
     });
-    let gained_nats = gained.sum::<f64>();
+    let gained_nats = arm::ahead_together(gained);
     let own: Vec<Option<Message>> = with
         .iter()
         .map(|with| {

@@ -142,8 +142,10 @@ impl Cause {
         let length_m = to_last_m
             + 2.0 * last.centre_of_mass_m.norm()
             + robot.chain.tool().translation.vector.norm();
-        let moment_kg_m = said.rows(1, 3).norm();
-        said[0] + error(0) > -last.mass_kg && moment_kg_m <= length_m * said[0].abs()
+        let least_kg_m = |place: usize| (said[place].abs() - error(place)).max(0.0);
+        let moment_kg_m = [1, 2, 3].map(least_kg_m).iter().map(|x| x * x).sum::<f64>();
+        said[0] + error(0) > -last.mass_kg
+            && moment_kg_m.sqrt() <= length_m * (said[0].abs() + error(0))
     }
 
     /// What it costs the whole arm, in nats: a name, and each further amplitude or link. What links' values cost beyond that is seen with what
@@ -165,6 +167,39 @@ impl Cause {
         });
         0.5 * said.norm_squared() + narrower
     }
+}
+
+/// By how much one explanation of a joint is better than another, in nats.
+#[derive(Clone, Copy, Debug)]
+pub struct AheadOf {
+    /// By what it leaves, what its names cost, and how little it strains the joint's own values.
+    pub own: f64,
+    /// What the values of links that the joint carries are strained by the one, and by the other.
+    pub strain_of_links: [f64; 2],
+}
+
+impl AheadOf {
+    /// Of one joint alone.
+    pub fn of_one(self) -> f64 {
+        ahead_together([self])
+    }
+}
+
+/// By how much the joints are better told together. Links are those of all joints: what the file is wrong about of them it is wrong about
+/// once, and two joints have to say so, since one may strain them for something of its own.
+pub fn ahead_together(joints: impl IntoIterator<Item = AheadOf>) -> f64 {
+    let (mut own, mut strains) = (0.0, [Vec::new(), Vec::new()]);
+    for ahead in joints {
+        own += ahead.own;
+        for (all, strain) in strains.iter_mut().zip(ahead.strain_of_links) {
+            all.push(strain);
+        }
+    }
+    let [with, without] = strains.map(|mut all: Vec<f64>| {
+        all.sort_by(|a, b| b.total_cmp(a));
+        all.get(1).or(all.first()).copied().unwrap_or(0.0)
+    });
+    own + without - with
 }
 
 /// A cause with what all joints say of it.
@@ -336,6 +371,39 @@ pub fn found(
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_two_joints_say_of_links_counts_once_and_what_is_of_joints_each_time() {
+        let joint = |own, strain| AheadOf {
+            own,
+            strain_of_links: [0.5, strain],
+        };
+        let together = ahead_together([joint(1.0, 8.0), joint(2.0, 6.0), joint(-0.5, 0.0)]);
+        assert!((together - (2.5 + 6.0 - 0.5)).abs() < 1e-12, "{together}");
+        // a cause that strains the links more is behind
+        let worse = AheadOf {
+            own: 0.0,
+            strain_of_links: [3.0, 1.0],
+        };
+        assert!((worse.of_one() + 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_payload_hangs_where_its_errors_let_it() {
+        let text = "name = \"one\"\n[[link]]\njoint = \"j\"\norigin_m = [0.0, 0.0, 0.3]\naxis = [0.0, 1.0, 0.0]\nmass_kg = 3.0\n\
+                    centre_of_mass_m = [0.0, 0.0, 0.2]\n\
+                    inertia_kg_m2 = { xx = 0.05, yy = 0.05, zz = 0.02, xy = 0.0, yz = 0.0, xz = 0.0 }\n[[joint]]\nname = \"j\"\n";
+        let file = robot::RobotFile::parse(text, "one.toml").unwrap();
+        let robot = file.build(robot::Source::Shipped("one")).unwrap();
+        // 2 kg m across the plane in which the arm turns, as no joint feels
+        let said = DVector::from_vec(vec![0.3, 0.02, 2.0, 0.06]);
+        let can_be = |error_kg_m: f64| {
+            let errors = DVector::from_vec(vec![1e-4, 1e-6, error_kg_m.powi(2), 1e-6]);
+            Cause::Payload.can_be(&robot, &said, &DMatrix::from_diagonal(&errors))
+        };
+        assert!(can_be(50.0));
+        assert!(!can_be(0.1));
+    }
 
     #[test]
     fn a_link_of_less_than_nothing_is_held_and_the_others_give_way() {

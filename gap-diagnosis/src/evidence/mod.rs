@@ -400,15 +400,21 @@ impl Evidence {
 
     /// Squares of the standard deviations by which the file's values are off beside a set, and of those that its amplitudes are: two that
     /// cancel each other are large.
-    fn strain(&self, names: Names) -> f64 {
+    pub fn strain(&self, names: Names) -> f64 {
         let places = self.places(names);
         let values = self.whole.values(&places);
-        let rest = self.whole.rest_of(&places, &values);
-        let tolerated = self.columns.len() - self.law_columns - self.shared_columns;
         let own = places.iter().zip(values.iter());
         let of_laws = own.map(|(place, value)| self.lift[*place] * value.powi(2));
         let of_laws = self.row_precision() * of_laws.sum::<f64>();
-        rest.rows(0, tolerated).norm_squared() + of_laws
+        self.strains(names).iter().sum::<f64>() + of_laws
+    }
+
+    /// Square of the standard deviations by which each of the file's values is off beside a set.
+    pub fn strains(&self, names: Names) -> Vec<f64> {
+        let tolerated = self.columns.len() - self.law_columns - self.shared_columns;
+        let mut values = self.values_beside(names);
+        values.truncate(tolerated);
+        values.into_iter().map(|value| value * value).collect()
     }
 
     /// Sum of a column's squares, in the units of [`Scored::left`].

@@ -10,7 +10,7 @@ use super::laws::{self, Law};
 use super::rows::JointRows;
 use super::shared::Prior;
 use super::signals::controller;
-use crate::evidence::arm::{self, Cause};
+use crate::evidence::arm::{self, AheadOf, Cause};
 use crate::evidence::imitation::{self, Ahead};
 use crate::evidence::{DEVIATIONS, Evidence, Fit, Item, Names, Presupposed, Problem, Scored, Span};
 
@@ -63,22 +63,32 @@ pub struct Searched {
     pub evidence: Evidence,
     /// What is told first, then the best first.
     pub sets: Vec<Scored>,
+    /// How many of the file's values are of links; they come first.
+    links: usize,
     /// A smooth law on no list that explains something that the names leave; none before that was looked at.
     pub leaves: Option<Option<Ahead>>,
 }
 
 impl Searched {
-    /// Nats by which a joint is better told than it is by `other`, with the rows that both count as independent. `unit_nm`: of the
-    /// other's torque, here.
-    pub fn ahead_of(&self, other: &Self, unit_nm: f64) -> f64 {
+    /// By how much a joint is better told than it is by `other`, with the rows that both count as independent. `unit_nm`: of the other's
+    /// torque, here.
+    pub fn ahead_of(&self, other: &Self, unit_nm: f64) -> AheadOf {
         let [own, others] = [self, other].map(|searched| {
+            let names = searched.sets[0].names;
             let left: f64 = searched.sets[0].left.iter().sum();
-            let cost = searched.evidence.cost(searched.sets[0].names);
-            (left.max(f64::MIN_POSITIVE), cost)
+            let strains = searched.evidence.strains(names);
+            let of_links = 0.5 * strains[..searched.links].iter().sum::<f64>();
+            let strain = 0.5 * searched.evidence.strain(names) - of_links;
+            let cost = searched.evidence.cost(names) + strain;
+            (left.max(f64::MIN_POSITIVE), cost, of_links)
         });
         let rows = |of: &Self| of.evidence.independent_rows();
         let independent = rows(self).min(rows(other));
-        0.5 * independent * (unit_nm.powi(2) * others.0 / own.0).ln() + others.1 - own.1
+        let left = 0.5 * independent * (unit_nm.powi(2) * others.0 / own.0).ln();
+        AheadOf {
+            own: left + others.1 - own.1,
+            strain_of_links: [own.2, others.2],
+        }
     }
 }
 
@@ -209,6 +219,7 @@ impl Joint {
         };
         let sets = evidence.best(|fit| has_none(fit) && self.is_possible(fit));
         Searched {
+            links: if has_links { 0 } else { self.rows.links.len() },
             evidence,
             sets,
             leaves: None,
@@ -269,8 +280,8 @@ impl Joint {
             message: arm::prior(&[Cause::Payload]),
         }));
         let ahead_nats = [
-            searched.ahead_of(alone, size_nm),
-            searched.ahead_of(&other_masses, size_nm) + masses_cost,
+            searched.ahead_of(alone, size_nm).of_one(),
+            searched.ahead_of(&other_masses, size_nm).of_one() + masses_cost,
             self.follows_need(&searched, size_nm),
         ];
         let ahead_nats = ahead_nats.into_iter().fold(f64::INFINITY, f64::min);
@@ -289,7 +300,7 @@ impl Joint {
             rows: self.rows.without_need(size_nm),
             ..self.clone()
         };
-        searched.ahead_of(&without.searched(None), 1.0)
+        searched.ahead_of(&without.searched(None), 1.0).of_one()
     }
 
     /// Whether its torque, as it was recorded, follows what the file's masses need.

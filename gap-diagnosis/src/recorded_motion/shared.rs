@@ -262,7 +262,7 @@ fn beside(robot: &Robot, arms: &[Arm], arm: usize, causes: &[Cause]) -> Option<F
         .iter()
         .map(|said| Some(gravity.as_tilt(causes, said.as_ref()?)))
         .collect();
-    let (shared, nats) = arm::found(causes, robot, &own, gained.sum())?;
+    let (shared, nats) = arm::found(causes, robot, &own, arm::ahead_together(gained))?;
     Some(Found {
         arm,
         with,
