@@ -38,6 +38,10 @@ pub struct MadeUp {
     pub ripple_cycles: f64,
     /// Joint side: friction more around one angle, which is no law with a name.
     pub bump_nm: f64,
+    /// Joint side: damping of the gear beyond what is known, with the root of the rate at which it twists.
+    pub root_damping_nm: f64,
+    /// Whether the link's position is recorded beside the motor's.
+    pub has_link_encoder: bool,
     /// Wanted position over time, as sines of an amplitude and an angular frequency.
     pub sines: [[f64; 2]; 2],
 }
@@ -50,6 +54,8 @@ impl MadeUp {
         ripple_nm: 0.0,
         ripple_cycles: 6.0,
         bump_nm: 0.0,
+        root_damping_nm: 0.0,
+        has_link_encoder: false,
         sines: [[0.4, 2.0], [0.1, 7.0]],
     };
 
@@ -59,7 +65,7 @@ impl MadeUp {
         let rotor_kg_m2 = RATIO * RATIO * ROTOR_KG_M2;
         let link_kg = LINK_KG + self.payload_kg;
         let link_kg_m2 = LINK_KG_M2 + link_kg * CENTRE_M * CENTRE_M;
-        let (mut motor_rad, mut motor_nm) = (Vec::new(), Vec::new());
+        let [mut motor_rad, mut motor_nm, mut link_rad] = [0; 3].map(|_| Vec::with_capacity(ROWS));
         let wanted_at = |time_s: f64| -> f64 {
             let of = |[amplitude_rad, rad_s]: [f64; 2]| amplitude_rad * (rad_s * time_s).sin();
             self.sines.map(of).iter().sum()
@@ -77,11 +83,15 @@ impl MadeUp {
             let normal = (0..12).map(|_| random()).sum::<f64>() - 6.0;
             motor_nm.push(torque_nm / RATIO + NOISE_NM * normal);
             motor_rad.push((at[0] * RATIO / RESOLUTION_RAD).round() * RESOLUTION_RAD);
+            link_rad.push((at[1] / RESOLUTION_RAD).round() * RESOLUTION_RAD);
             for _ in 0..SUBSTEPS {
                 let twist_rad = at[0] - at[1];
                 let free_rad = twist_rad.clamp(-0.5 * self.gap_rad, 0.5 * self.gap_rad);
+                let twist_rad_s = speed[0] - speed[1];
+                let root_nm = self.root_damping_nm * twist_rad_s.abs().sqrt().copysign(twist_rad_s);
                 let gear_nm = STIFFNESS_NM_RAD * (twist_rad - free_rad)
-                    + DAMPING_NM_S_RAD * (speed[0] - speed[1]);
+                    + DAMPING_NM_S_RAD * twist_rad_s
+                    + root_nm;
                 let bump_nm = self.bump_nm * (-((at[0] - BUMP_RAD) / BUMP_WIDTH_RAD).powi(2)).exp();
                 let friction_nm =
                     (COULOMB_NM + bump_nm) * (speed[0] / 2e-3).tanh() + VISCOUS_NM_S_RAD * speed[0];
@@ -93,15 +103,19 @@ impl MadeUp {
                 at[1] += step_s * speed[1];
             }
         }
+        let mut signals = BTreeMap::from([
+            (Signal::MotorPositionRad, motor_rad),
+            (Signal::MotorTorqueNm, motor_nm),
+        ]);
+        if self.has_link_encoder {
+            signals.insert(Signal::LinkPositionRad, link_rad);
+        }
         Recording {
             time_s: (0..ROWS).map(|row| row as f64 / RATE_HZ).collect(),
             segment: None,
             joints: vec![JointColumns {
                 name: "joint1".to_owned(),
-                signals: BTreeMap::from([
-                    (Signal::MotorPositionRad, motor_rad),
-                    (Signal::MotorTorqueNm, motor_nm),
-                ]),
+                signals,
             }],
             sample_rate_hz: RATE_HZ,
             metadata: BTreeMap::new(),

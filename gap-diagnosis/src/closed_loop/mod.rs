@@ -302,6 +302,26 @@ mod tests {
     }
 
     #[test]
+    fn damping_of_a_gear_is_no_hysteresis() {
+        let mut robot = robot();
+        robot.joints[0].link_encoder_resolution_rad = Some(1e-5);
+        for root_damping_nm in [20.0, 40.0] {
+            let recording = MadeUp {
+                root_damping_nm,
+                has_link_encoder: true,
+                ..MadeUp::KNOWN
+            }
+            .recorded(uniform(3));
+            let recordings = [("made up".to_owned(), recording)];
+            let report = diagnose(&robot, &recordings, 0.02, &|_| ()).unwrap().report;
+            let joint = &report.joints[0];
+            assert_eq!(names(joint), ["structural_damping"]);
+            let exponent = joint.effects[0].parameters["exponent"].value;
+            assert!((exponent - 0.5).abs() < 0.05, "{exponent}");
+        }
+    }
+
+    #[test]
     fn positions_that_come_after_their_torques_are_a_delay_of_the_encoders() {
         let mut recording = MadeUp::KNOWN.recorded(uniform(3));
         let late = 6;

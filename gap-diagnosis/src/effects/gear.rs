@@ -63,16 +63,24 @@ pub const HYSTERESIS: Form = Form {
     })
 };
 
-/// The gear resists being twisted by a power of how fast. The coefficient enters linearly, the exponent does not.
+/// The gear resists being twisted by a power of how fast. The torque at a usual rate enters linearly, the exponent does not: it turns the
+/// law about that rate.
 pub const STRUCTURAL_DAMPING: Form = Form {
     shapes: |_| vec![0.5, 1.0],
     shape_range: |_| [0.2, 1.5],
+    reaches: &[10.0],
     is_positive: true,
     ..Form::of(|amplitude, exponent, scale| Effect::StructuralDamping {
-        damping_nm_s_rad: amplitude[0] * friction_step_nm(scale) / (0.01 * scale.speed_rad_s),
+        damping_nm_s_rad: amplitude[0] * friction_step_nm(scale)
+            / twist_rate_rad_s(scale).powf(exponent),
         exponent,
     })
 };
+
+/// How fast a gear twists as its load turns with the joint.
+fn twist_rate_rad_s(scale: &Scale) -> f64 {
+    scale.speed_rad_s * scale.torque_nm().max(scale.friction_nm) / scale.stiffness_nm_rad
+}
 
 /// A gap that the gear crosses without torque. Within a wide one the link swings freely.
 pub const BACKLASH: Form = Form {
