@@ -59,11 +59,9 @@ impl Explained {
                 .zip(settled)
                 .map(|(left, settled)| (left + settled.floor, settled.independent_rows))
                 .collect();
-            let strains = of.evidence.strains(names);
-            let of_links = strains.iter().zip(&joint.search.twin.known);
-            let of_links = of_links.filter(|(_, value)| value.known.is_of_links());
-            let of_links = 0.5 * of_links.map(|(strain, _)| strain).sum::<f64>();
-            let cost = of.evidence.cost(names) + 0.5 * of.evidence.strain(names) - of_links;
+            let known = &joint.search.twin.known;
+            let is_of_links = |place: usize| known[place].known.is_of_links();
+            let [cost, of_links] = of.evidence.cost_and_strain(names, is_of_links);
             (all, cost, of_links)
         });
         let by_signal = own.0.iter().zip(&others.0);

@@ -64,7 +64,7 @@ pub const HYSTERESIS: Form = Form {
 };
 
 /// The gear resists being twisted by a power of how fast. The torque at a usual rate enters linearly, the exponent does not: it turns the
-/// law about that rate.
+/// law about that rate. Its response is found at a fifth of the friction: at a fiftieth it has the wrong sign for damping that is there.
 pub const STRUCTURAL_DAMPING: Form = Form {
     shapes: |_| vec![0.5, 1.0],
     shape_range: |_| [0.2, 1.5],

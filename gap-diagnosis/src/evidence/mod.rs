@@ -400,7 +400,7 @@ impl Evidence {
 
     /// Squares of the standard deviations by which the file's values are off beside a set, and of those that its amplitudes are: two that
     /// cancel each other are large.
-    pub fn strain(&self, names: Names) -> f64 {
+    fn strain(&self, names: Names) -> f64 {
         let places = self.places(names);
         let values = self.whole.values(&places);
         let own = places.iter().zip(values.iter());
@@ -409,8 +409,17 @@ impl Evidence {
         self.strains(names).iter().sum::<f64>() + of_laws
     }
 
+    /// What a set costs with its strain, but for that of links, and that of links. `is_of_links`: of the file's values, by their places.
+    pub fn cost_and_strain(&self, names: Names, is_of_links: impl Fn(usize) -> bool) -> [f64; 2] {
+        let strains = self.strains(names).into_iter().enumerate();
+        let of_links = strains.filter(|(place, _)| is_of_links(*place));
+        let of_links = 0.5 * of_links.map(|(_, strain)| strain).sum::<f64>();
+        let own = self.cost(names) + 0.5 * self.strain(names) - of_links;
+        [own, of_links]
+    }
+
     /// Square of the standard deviations by which each of the file's values is off beside a set.
-    pub fn strains(&self, names: Names) -> Vec<f64> {
+    fn strains(&self, names: Names) -> Vec<f64> {
         let tolerated = self.columns.len() - self.law_columns - self.shared_columns;
         let mut values = self.values_beside(names);
         values.truncate(tolerated);

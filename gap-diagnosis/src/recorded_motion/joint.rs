@@ -76,10 +76,8 @@ impl Searched {
         let [own, others] = [self, other].map(|searched| {
             let names = searched.sets[0].names;
             let left: f64 = searched.sets[0].left.iter().sum();
-            let strains = searched.evidence.strains(names);
-            let of_links = 0.5 * strains[..searched.links].iter().sum::<f64>();
-            let strain = 0.5 * searched.evidence.strain(names) - of_links;
-            let cost = searched.evidence.cost(names) + strain;
+            let is_of_links = |place: usize| place < searched.links;
+            let [cost, of_links] = searched.evidence.cost_and_strain(names, is_of_links);
             (left.max(f64::MIN_POSITIVE), cost, of_links)
         });
         let rows = |of: &Self| of.evidence.independent_rows();
