@@ -41,6 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         has_link_encoder: false,
         has_command: false,
         timing_is_open: false,
+        limit_is_open: false,
     };
     let before = best.0;
     for name in arguments {

@@ -130,6 +130,7 @@ impl<'a> Responses<'a> {
             has_link_encoder: twin.channels.contains(&Channel::Torsion),
             has_command: true,
             timing_is_open: true,
+            limit_is_open: true,
         };
         let cycles = cycles_per_motor_rev(&pair.effect);
         plain(&self.search.scale, shown)

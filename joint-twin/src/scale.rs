@@ -10,7 +10,7 @@ use crate::stretch::JointStretch;
 const NEARLY_ALL: f64 = 0.999;
 /// Fewer rows than this tell nothing: what is told of them is known to a tenth at best.
 pub const ROWS_MIN: usize = 100;
-/// A drive whose torque reaches this part of the largest command does not saturate.
+/// A drive whose torque reaches this part of the largest command is not at its limit.
 pub const SATURATED: f64 = 0.97;
 
 /// Sizes of a joint, by which steps are chosen.
@@ -34,12 +34,6 @@ pub struct Scale {
     pub stiffness_is_known: bool,
     /// Largest torque but for a few samples, motor side.
     pub motor_torque_nm: f64,
-    /// Largest torque that the drive reports beside its command but for a few samples, or what it holds while more is commanded,
-    /// motor side; none where it reports none.
-    pub reached_motor_nm: Option<f64>,
-    /// Whether the drive may have given less than it was commanded: its reported torque stays below the command's
-    /// peaks, or it reports none.
-    pub may_saturate: bool,
     /// Rotor and link, joint side.
     pub inertia_kg_m2: f64,
     /// Of the rotor alone, joint side.
@@ -70,10 +64,6 @@ impl Scale {
             values.sort_by(f64::total_cmp);
             values
         };
-        let largest = |column: fn(&JointStretch) -> &[f64]| {
-            let values = stretches.iter().flat_map(|stretch| column(stretch));
-            largest_of(values.copied())
-        };
         let high = |values: &[f64]| values[(0.99 * (values.len() - 1) as f64) as usize];
         let torque_nm = high(&all(|stretch| &stretch.torque_nm));
         let speed_rad_s = high(&all(|stretch| &stretch.load.velocity_rad_s)).max(1e-3);
@@ -97,21 +87,6 @@ impl Scale {
             stiffness_nm_rad: model.stiffness_nm_rad,
             stiffness_is_known: model.stiffness_is_known,
             motor_torque_nm: torque_nm / model.gear_ratio,
-            reached_motor_nm: stretches
-                .iter()
-                .all(|stretch| stretch.has_torque_beside_command)
-                .then(|| {
-                    let largest_nm = largest(|stretch| &stretch.torque_nm);
-                    let samples = stretches
-                        .iter()
-                        .flat_map(|of| of.drive.command_nm.iter().zip(&of.torque_nm));
-                    held_nm(samples, largest_nm).unwrap_or(largest_nm) / model.gear_ratio
-                }),
-            may_saturate: stretches
-                .iter()
-                .all(|stretch| !stretch.has_torque_beside_command)
-                || largest(|stretch| &stretch.torque_nm)
-                    < SATURATED * largest(|stretch| &stretch.drive.command_nm),
             inertia_kg_m2: model.rotor_inertia_kg_m2 + inertia[inertia.len() / 2],
             rotor_inertia_kg_m2: model.rotor_inertia_kg_m2,
             spare_link_inertia_kg_m2,
@@ -145,15 +120,6 @@ pub fn largest_of(values: impl Iterator<Item = f64>) -> f64 {
     sizes.get(nearly_all).copied().unwrap_or(0.0)
 }
 
-/// The torque that the drive holds while more is commanded than the largest that it reports: their median, since noise makes the
-/// largest too large. Of commands and torques; none where too few samples tell.
-fn held_nm<'a>(samples: impl Iterator<Item = (&'a f64, &'a f64)>, largest_nm: f64) -> Option<f64> {
-    let beyond = samples.filter(|(command_nm, _)| SATURATED * command_nm.abs() > largest_nm);
-    let mut held_nm: Vec<f64> = beyond.map(|(_, torque_nm)| torque_nm.abs()).collect();
-    held_nm.sort_by(f64::total_cmp);
-    (held_nm.len() >= ROWS_MIN).then(|| held_nm[held_nm.len() / 2])
-}
-
 /// Two directions at right angles to each other and to an axis.
 fn across(axis: Unit<Vector3<f64>>) -> [Vector3<f64>; 2] {
     let one = Vector3::ith(axis.iamin(), 1.0);
@@ -170,23 +136,4 @@ fn motor_turns(gear_ratio: f64, stretches: &[&JointStretch]) -> f64 {
     let high = positions().copied().fold(f64::NEG_INFINITY, f64::max);
     let low = positions().copied().fold(f64::INFINITY, f64::min);
     (gear_ratio * (high - low) / std::f64::consts::TAU).max(1e-3)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_limit_is_what_is_held_not_the_largest() {
-        let noise_nm = |k: usize| [0.02, 0.0, -0.02][k % 3];
-        let torque_nm: Vec<f64> = (0..150).map(|k| -2.0 + noise_nm(k)).collect();
-        let largest_nm = 2.02;
-        let held = |command_nm: f64| {
-            let command_nm = [command_nm; 150];
-            held_nm(command_nm.iter().zip(&torque_nm), largest_nm)
-        };
-        assert!(held(-3.0).is_some_and(|held_nm| (held_nm - 2.0).abs() < 1e-9));
-        // what is commanded is given, but for noise
-        assert_eq!(held(-2.0), None);
-    }
 }

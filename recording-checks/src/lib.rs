@@ -6,6 +6,7 @@ pub mod data;
 mod exchanged;
 mod follow;
 pub mod found;
+mod limit;
 mod lost;
 pub mod mend;
 mod rigid;

@@ -21,7 +21,7 @@ const FIRST_ROUNDS: usize = 4;
 const ROUNDS: usize = 20;
 const SETTLED: f64 = 1e-3;
 /// Part of the torques that may be anything: a drive that starts or stops answers no command.
-const ODD: f64 = 0.01;
+pub(crate) const ODD: f64 = 0.01;
 /// No torque is surer than this part of the largest.
 const LEAST: f64 = 1e-6;
 /// The least part of a variance that is left of it in one round.

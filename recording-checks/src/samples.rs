@@ -1,5 +1,5 @@
-//! Effects that show in single samples and in no band: lost samples and commands, coarse encoders, a slow velocity
-//! filter. They are counted, not fitted.
+//! Effects that show in single samples and in no band: lost samples and commands, the torque at which a drive ends, coarse
+//! encoders, a slow velocity filter. They are counted, not fitted.
 
 use joint_twin::control::is_slower_than_loop;
 use joint_twin::known::LAW;
@@ -10,6 +10,7 @@ use robot::{Control, Effect, EncoderSide, RobotJoint};
 use crate::commanded::Law;
 use crate::follow::{Response, SLOW_LAG_S, slow_drive};
 use crate::found::{Found, LOST_MIN, SURE};
+use crate::limit::drive_limit;
 use crate::lost::{LeftOut, left_out};
 use crate::mend::blank_repeats;
 use crate::timing::{Timing, columns};
@@ -40,6 +41,7 @@ pub fn find(
     let period_s = 1.0 / rate_hz;
     let delay_cycles = control.map_or(1, |control| control.delay_cycles as usize);
     let lost = lost_samples(&columns, joint);
+    let responses = Response::all(&columns, period_s);
     let lacks_commands = control.is_some_and(|control| is_slower_than_loop(control, rate_hz));
     let told_cycles = timing.is_told.then_some(delay_cycles);
     let (left_out, slow) = if lacks_commands {
@@ -49,7 +51,6 @@ pub fn find(
         (None, slow_where_measured(&columns, period_s, told_cycles))
     } else {
         let told_rows = timing.told_rows();
-        let responses = Response::all(&columns, period_s);
         let left_out = left_out(&columns, &responses, told_rows);
         let slow = match left_out {
             // commands that are left out come later, as from a slow loop
@@ -64,6 +65,7 @@ pub fn find(
     let found = [
         lost,
         left_out,
+        drive_limit(&columns, &responses, joint.torque_limit_nm),
         coarse_encoder(
             &columns,
             Signal::MotorPositionRad,

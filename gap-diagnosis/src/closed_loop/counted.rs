@@ -1,5 +1,5 @@
 //! What the samples show by themselves, told beside what the evidence explains: steps of an encoder, samples that were dropped, and
-//! delay and lag of the drive.
+//! delay, lag and limit of the drive.
 
 use gap_report::{Candidate, Confusable, JointReport, NamedEffect, Parameter, Verdict};
 use joint_twin::scale::Scale;
@@ -23,6 +23,7 @@ pub fn settled(counted: &[Found], scale: &Scale) -> Vec<Term> {
             let (hypothesis, amplitude) = match found.effect {
                 Effect::CurrentLoopLag { time_constant_s } => crate::effects::lag(time_constant_s),
                 Effect::CommandDelay { delay_s } => crate::effects::delay(delay_s, scale),
+                Effect::TorqueSaturation { limit_nm } => crate::effects::limit(limit_nm),
                 _ => return None,
             };
             Some(Term {
@@ -33,7 +34,7 @@ pub fn settled(counted: &[Found], scale: &Scale) -> Vec<Term> {
         .collect()
 }
 
-/// Adds what was counted to a joint's report. `settled_shares`: the parts of the gap's energy that delay and lag take, in the order of
+/// Adds what was counted to a joint's report. `settled_shares`: the parts of the gap's energy that the drive takes, in the order of
 /// [`settled`]. `is_common`: whether a finding is told of the whole arm.
 pub fn add(
     report: &mut JointReport,
@@ -144,7 +145,9 @@ fn with_more(mut counted: NamedEffect, report: &mut JointReport) -> NamedEffect 
 pub fn is_settled(found: &Found) -> bool {
     matches!(
         found.effect,
-        Effect::CurrentLoopLag { .. } | Effect::CommandDelay { .. }
+        Effect::CurrentLoopLag { .. }
+            | Effect::CommandDelay { .. }
+            | Effect::TorqueSaturation { .. }
     )
 }
 

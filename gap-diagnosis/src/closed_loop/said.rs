@@ -9,7 +9,7 @@ use recording_checks::found::Found as Counted;
 use crate::closed_loop::search::{Model, Term};
 use crate::diagnose::JointTraces;
 use crate::evidence::ERRORS;
-use crate::evidence::shares::Interval;
+use crate::evidence::shares::{self, Interval};
 use crate::evidence::told::{Found, Said};
 
 use super::bus::CommonDelay;
@@ -105,7 +105,6 @@ impl Joint<'_> {
         let Said {
             mut report, shared, ..
         } = found.said(&self.others_moving());
-        report.gap = self.gap(&report, &gap_nm, left[0]);
         let settled_shares = self.settled_shares(explained, &gap_nm)?;
         let rest = 1.0 - settled_shares.iter().sum::<f64>();
         let shared = shared.first().map(|share| Interval {
@@ -118,6 +117,7 @@ impl Joint<'_> {
             common.is_some_and(|common| common.is_seen_as(found, self.index))
         };
         counted::add(&mut report, counted, &settled_shares, is_common);
+        report.gap = self.gap(&report, &gap_nm, left[0]);
         let settled = counted.iter().filter(|found| counted::is_settled(found));
         let in_common = settled.zip(&settled_shares);
         let in_common = in_common.filter(|(found, _)| is_common(found));
@@ -133,10 +133,10 @@ impl Joint<'_> {
         })
     }
 
-    /// Parts of the gap that delay and lag take, each, beside what the file's values are in the end: what each takes off, over both
-    /// orders of the two (Shapley).
+    /// Parts of the gap that the drive takes by what its samples show, each, beside what the file's values are in the end.
     fn settled_shares(&self, explained: &Explained, gap_nm: &[f64]) -> Result<Vec<f64>, TwinError> {
-        if self.settled.is_empty() {
+        let count = self.settled.len();
+        if count == 0 {
             return Ok(Vec::new());
         }
         let Explained {
@@ -154,21 +154,32 @@ impl Joint<'_> {
             }
             evidence.square(&without_nm)
         };
-        let with: f64 = evidence.left_at(0, &beside).iter().sum();
-        let without = square(gap_nm);
-        let taken = (1.0 - with / without.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-        let [one, other] = self.settled.as_slice() else {
-            return Ok(vec![taken]);
+        let everything = (1 << count) - 1;
+        let left = |set: usize| -> Result<f64, TwinError> {
+            if set == 0 {
+                return Ok(square(gap_nm));
+            }
+            if set == everything {
+                return Ok(evidence.left_at(0, &beside).iter().sum());
+            }
+            let terms = self.settled.iter().enumerate();
+            let own: Vec<Term> = terms
+                .filter(|(place, _)| set & (1 << place) != 0)
+                .map(|(_, term)| term.clone())
+                .collect();
+            let model = Model::of_settled(&self.search, &own);
+            Ok(square(
+                &self.compared.pick(&self.search.residual_nm(&model)?),
+            ))
         };
-        let alone = |term: &Term| -> Result<f64, TwinError> {
-            let model = Model::of_settled(&self.search, std::slice::from_ref(term));
-            let left_nm = self.compared.pick(&self.search.residual_nm(&model)?);
-            Ok(square(&left_nm))
-        };
-        let [one, other] = [alone(one)?, alone(other)?];
-        let both = (without - with).max(f64::MIN_POSITIVE);
-        let first = (0.5 * (1.0 + (other - one) / both)).clamp(0.0, 1.0);
-        Ok(vec![taken * first, taken * (1.0 - first)])
+        let left = (0..=everything).map(left).collect::<Result<Vec<_>, _>>()?;
+        let all = left[0].max(f64::MIN_POSITIVE);
+        let taken = shares::taken(count, |set| left[set]);
+        let mut parts: Vec<f64> = taken.iter().map(|own| (own / all).max(0.0)).collect();
+        // one that makes it worse beside another leaves the other no more than there is
+        let sum = parts.iter().sum::<f64>().max(1.0);
+        parts.iter_mut().for_each(|part| *part /= sum);
+        Ok(parts)
     }
 
     /// Mean square of the motor's gap, and what nobody can tell of it.

@@ -139,14 +139,16 @@ impl<'a> Search<'a> {
             .collect();
         let has_link_encoder = stretches.iter().any(|stretch| stretch.link_rad.is_some());
         let has_command = stretches.iter().all(|stretch| stretch.has_command);
-        // where the drive reports its torque beside every command, its delay and lag are read off the samples
+        // where the drive reports its torque beside every command, its limit, delay and lag are read off the samples
         let lacks_commands = lacks_commands(twin);
-        let timing_is_open = lacks_commands || !twin.channels.contains(&Channel::Drive);
+        let limit_is_open = !twin.channels.contains(&Channel::Drive);
+        let timing_is_open = lacks_commands || limit_is_open;
         let shown = Shown {
             joints: twin.joints(),
             has_link_encoder,
             has_command,
             timing_is_open,
+            limit_is_open,
         };
         Ok(Self {
             twin,

@@ -1,6 +1,5 @@
 //! The drive and its bus: how much torque comes of a command, and when.
 
-use joint_twin::scale::Scale;
 use recording_checks::units::GAIN;
 use robot::{Effect, LateSide};
 
@@ -10,9 +9,6 @@ use super::form::{Form, Wave, friction_step_nm};
 const CONSTANT_STEP: f64 = 0.01;
 /// Steps of the current loop's lag.
 const LAG_STEP_S: f64 = 5e-4;
-/// Parts of the torque that a drive is seen to reach at which it may end; a joint that stalls there may do so from a little less on
-/// only.
-const JUST_BELOW: [f64; 2] = [1.0, 0.99];
 
 /// The drive gives more or less than it is asked for, by what its gain differs from 1.
 pub const TORQUE_CONSTANT_ERROR: Form = Form {
@@ -39,13 +35,13 @@ pub const TORQUE_RIPPLE: Form = Form::wave(|amplitude, cycles, scale| {
 
 /// The drive gives no more than a limit: it is there or not, and the limit does not enter linearly.
 pub const TORQUE_SATURATION: Form = Form {
-    may_show: |shown, scale| shown.has_command && scale.may_saturate,
-    shapes: limits_nm,
-    shape_range: |scale| {
-        let reached_nm = scale.reached_motor_nm.unwrap_or(0.0);
-        let most_nm = reached_nm.max(scale.motor_torque_nm);
-        [0.2 * scale.motor_torque_nm, 1.2 * most_nm]
+    may_show: |shown, _| shown.limit_is_open && shown.has_command,
+    shapes: |scale| {
+        [0.95, 0.85, 0.7, 0.5]
+            .map(|part| part * scale.motor_torque_nm)
+            .to_vec()
     },
+    shape_range: |scale| [0.2, 1.2].map(|part| part * scale.motor_torque_nm),
     is_positive: true,
     is_switch: true,
     ..Form::of(|_, limit_nm, _| Effect::TorqueSaturation { limit_nm })
@@ -93,11 +89,3 @@ pub const LATE_ENCODERS: Form = Form {
         side: Some(LateSide::Both),
     })
 };
-
-/// A drive that reports its torque shows where it ends.
-fn limits_nm(scale: &Scale) -> Vec<f64> {
-    let parts = [0.95, 0.85, 0.7, 0.5].map(|part| part * scale.motor_torque_nm);
-    let reached_nm = scale.reached_motor_nm.into_iter();
-    let shown = reached_nm.flat_map(|reached_nm| JUST_BELOW.map(|part| part * reached_nm));
-    shown.chain(parts).collect()
-}

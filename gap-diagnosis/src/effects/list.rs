@@ -89,6 +89,8 @@ pub struct Shown {
     pub has_command: bool,
     /// Delay and lag of the drive are not read off the samples.
     pub timing_is_open: bool,
+    /// Nor is the torque at which it ends.
+    pub limit_is_open: bool,
 }
 
 /// What may be fitted to a joint, periodic effects aside: those come from [`periodic`] once their cycles are known.
@@ -124,6 +126,12 @@ pub fn lag(time_constant_s: f64) -> (Hypothesis, f64) {
 pub fn delay(delay_s: f64, scale: &Scale) -> (Hypothesis, f64) {
     let hypothesis = Hypothesis::new(EffectKind::CommandDelay, 0, &[]);
     (hypothesis, delay_s / scale.period_s)
+}
+
+/// See [`lag`].
+pub fn limit(limit_nm: f64) -> (Hypothesis, f64) {
+    let hypothesis = Hypothesis::new(EffectKind::TorqueSaturation, 0, &[limit_nm]);
+    (hypothesis, 1.0)
 }
 
 /// The effects that repeat with the motor's turn, at so many cycles a turn.

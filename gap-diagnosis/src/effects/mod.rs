@@ -18,7 +18,7 @@ use joint_twin::scale::Scale;
 use robot::{Effect, EffectKind, Scope, Stage};
 
 use self::form::Turn;
-pub use self::list::{Shown, delay, lag, periodic, plain};
+pub use self::list::{Shown, delay, lag, limit, periodic, plain};
 
 /// An effect to be fitted, at one shape.
 #[derive(Clone, Debug, PartialEq)]
@@ -214,6 +214,7 @@ pub(crate) mod tests {
         has_link_encoder: true,
         has_command: true,
         timing_is_open: true,
+        limit_is_open: true,
     };
 
     /// Of a joint that the effects' own tests look at too.
@@ -229,8 +230,6 @@ pub(crate) mod tests {
             stiffness_nm_rad: 1e4,
             stiffness_is_known: true,
             motor_torque_nm: 0.5,
-            reached_motor_nm: None,
-            may_saturate: true,
             inertia_kg_m2: 1.0,
             rotor_inertia_kg_m2: 0.6,
             spare_link_inertia_kg_m2: 0.1,

@@ -107,22 +107,27 @@ impl Game {
         // what is left below the noise is as good as nothing, and no less
         let noise = self.noise.min(self.sum(everyone, parts));
         let gap = nothing - noise;
-        let mut all: Vec<f64> = (0..self.players)
-            .map(|player| {
-                let others = (0..=everyone).filter(|set| set & (1 << player) == 0);
-                let each = others.map(|set| {
-                    let [without, with] = [set, set | 1 << player].map(|set| self.sum(set, parts));
-                    // sums that differ by their rounding are the same: what shows in one part only takes nothing of the others
-                    let is_same = (without - with).abs() <= f64::EPSILON.sqrt() * without;
-                    let gained = if is_same { 0.0 } else { without - with };
-                    weight(set.count_ones() as usize, self.players) * gained
-                });
-                each.sum::<f64>() / gap
-            })
-            .collect();
+        let taken = taken(self.players, |set| self.sum(set, parts));
+        let mut all: Vec<f64> = taken.iter().map(|taken| taken / gap).collect();
         all.push((self.sum(everyone, parts) - noise) / gap);
         Some(all)
     }
+}
+
+/// What each player takes off a sum of squares that is told of every set of them, a bit each: Shapley's values.
+pub fn taken(players: usize, left: impl Fn(usize) -> f64) -> Vec<f64> {
+    let of_player = |player: usize| {
+        let others = (0..1 << players).filter(|set| set & (1 << player) == 0);
+        let each = others.map(|set: usize| {
+            let [without, with] = [set, set | 1 << player].map(&left);
+            // sums that differ by their rounding are the same: what shows in one part only takes nothing of the others
+            let is_same = (without - with).abs() <= f64::EPSILON.sqrt() * without;
+            let gained = if is_same { 0.0 } else { without - with };
+            weight(set.count_ones() as usize, players) * gained
+        });
+        each.sum()
+    };
+    (0..players).map(of_player).collect()
 }
 
 /// Part of the orders in which a player comes after so many of the others.
