@@ -218,6 +218,11 @@ impl<'a> JointTwin<'a> {
         self.pieces.iter().map(|piece| piece.joint).collect()
     }
 
+    /// How well the robot file knows one of its values, as a part of it.
+    pub fn tolerance_of(&self, name: &str) -> f64 {
+        self.robot.tolerance.of(name)
+    }
+
     /// Where the recordings' pieces lie that they are of.
     pub fn places(&self) -> Vec<Place> {
         let place = |piece: &Piece<'_>| Place {

@@ -163,9 +163,15 @@ fn names(found: &Found) -> Vec<&'static str> {
 pub fn named_effect(found: &Found, share: f64) -> NamedEffect {
     let parameters = numbers(&found.effect).into_iter();
     let parameters = parameters.map(|(name, value)| {
+        let std = match (&found.effect, name.as_str()) {
+            // a whole number
+            (Effect::TorqueRipple { .. }, "cycles_per_motor_rev") => 0.0,
+            (Effect::TorqueRipple { amplitude_nm, .. }, "phase_rad") => found.std / amplitude_nm,
+            _ => found.std,
+        };
         let parameter = Parameter {
             value,
-            std: found.std,
+            std,
             at_bound: false,
         };
         (name, parameter)

@@ -15,6 +15,7 @@ mod said;
 pub mod search;
 mod shared;
 mod spectrum;
+mod turns;
 pub mod values;
 
 use std::borrow::Cow;
@@ -319,6 +320,30 @@ mod tests {
             let exponent = joint.effects[0].parameters["exponent"].value;
             assert!((exponent - 0.5).abs() < 0.05, "{exponent}");
         }
+    }
+
+    #[test]
+    fn a_ripple_faster_than_what_is_compared_is_told() {
+        let ripple_nm = 0.3;
+        let joint = told(&MadeUp {
+            ripple_nm,
+            ripple_cycles: 12.0,
+            ..MadeUp::KNOWN
+        });
+        assert_eq!(names(&joint), ["torque_ripple"]);
+        let found = &joint.effects[0].parameters;
+        assert_eq!(found["cycles_per_motor_rev"].value, 12.0);
+        // motor side, of a gear of a hundred
+        let amplitude_nm = 100.0 * found["amplitude_nm"].value;
+        assert!(
+            (amplitude_nm / ripple_nm - 1.0).abs() < 0.1,
+            "{amplitude_nm}"
+        );
+        assert!(
+            found["phase_rad"].value.abs() < 0.1,
+            "{:?}",
+            found["phase_rad"]
+        );
     }
 
     #[test]

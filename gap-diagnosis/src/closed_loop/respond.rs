@@ -9,7 +9,7 @@ use joint_twin::{Changes, Row};
 use nalgebra::DMatrix;
 
 use crate::closed_loop::search::{Model, Search};
-use crate::closed_loop::spectrum::{below, most_seen, peaks};
+use crate::closed_loop::spectrum::{SAME, below, most_seen, peaks};
 use crate::effects::{Hypothesis, periodic};
 
 /// Peaks over the motor angle that are tried.
@@ -118,7 +118,8 @@ impl Search<'_> {
         let of_motor = named.filter(|hypothesis| hypothesis.repeats_with_motor());
         let harmonics = of_motor.clone().flat_map(Hypothesis::harmonics);
         let parts = below(of_motor.map(|of| of.shape[0]), self.scale.motor_turns);
-        for found in parts.into_iter().chain(harmonics) {
+        let fast = self.fast_ripple.iter().map(|of| of.cycles_per_motor_rev);
+        for found in parts.into_iter().chain(harmonics).chain(fast) {
             if !cycles.contains(&found) {
                 cycles.push(found);
             }
@@ -144,7 +145,7 @@ impl Search<'_> {
                 for found in peaks(&of_channel, most, gains, PEAKS) {
                     if !cycles
                         .iter()
-                        .any(|known| (known / found - 1.0).abs() < 0.01)
+                        .any(|known| (known / found - 1.0).abs() < SAME)
                     {
                         cycles.push(found);
                     }

@@ -1,10 +1,15 @@
 //! From what explains a joint to what its report says of it.
 
-use gap_report::{BeforeAfter, Gap, JointReport, SignalGap, Verdict};
+use std::collections::BTreeMap;
+
+use gap_report::{
+    BeforeAfter, Confusable, Gap, JointReport, NamedEffect, Parameter, SignalGap, Verdict,
+};
 use joint_twin::TwinError;
 use joint_twin::observe::Channel;
 use recording_checks::data::ONE_FREQUENCY;
 use recording_checks::found::Found as Counted;
+use robot::EffectKind;
 
 use crate::closed_loop::search::{Model, Term};
 use crate::diagnose::JointTraces;
@@ -16,6 +21,8 @@ use super::bus::CommonDelay;
 use super::called::Responses;
 use super::counted;
 use super::joint::{Explained, Joint};
+use super::spectrum::SAME;
+use super::turns::FastRipple;
 
 /// What the arm shares.
 pub(super) struct Arm<'a> {
@@ -105,6 +112,8 @@ impl Joint<'_> {
         let Said {
             mut report, shared, ..
         } = found.said(&self.others_moving());
+        let mut counted = counted.to_vec();
+        counted.extend(self.fast_ripple_beside(&mut report));
         let settled_shares = self.settled_shares(explained, &gap_nm)?;
         let rest = 1.0 - settled_shares.iter().sum::<f64>();
         let shared = shared.first().map(|share| Interval {
@@ -116,7 +125,7 @@ impl Joint<'_> {
             let common = arm.common;
             common.is_some_and(|common| common.is_seen_as(found, self.index))
         };
-        counted::add(&mut report, counted, &settled_shares, is_common);
+        counted::add(&mut report, &counted, &settled_shares, is_common);
         report.gap = self.gap(&report, &gap_nm, left[0]);
         let settled = counted.iter().filter(|found| counted::is_settled(found));
         let in_common = settled.zip(&settled_shares);
@@ -131,6 +140,41 @@ impl Joint<'_> {
             shared,
             delay_share,
         })
+    }
+
+    /// A ripple that is faster than what is compared, where no name of the report repeats as often.
+    fn fast_ripple_beside(&self, report: &mut JointReport) -> Option<Counted> {
+        let FastRipple {
+            cycles_per_motor_rev,
+            found,
+        } = self.search.fast_ripple.as_ref()?;
+        let repeats = |effect: &NamedEffect| {
+            let cycles = effect.parameters.get("cycles_per_motor_rev");
+            cycles.is_some_and(|cycles| (cycles.value / cycles_per_motor_rev - 1.0).abs() < SAME)
+        };
+        if let Some(own) = report.effects.iter_mut().find(|effect| repeats(effect)) {
+            // a joint that is slow for a while only tells less of it than one that is fast for long
+            let surer = counted::named_effect(found, own.share).parameters;
+            let std = |of: &BTreeMap<String, Parameter>| of.get("amplitude_nm").map(|own| own.std);
+            let is_surer = std(&surer)
+                .zip(std(&own.parameters))
+                .is_some_and(|(a, b)| a < b);
+            if own.effect == found.effect.name() && is_surer {
+                own.parameters = surer;
+            }
+            return None;
+        }
+        report.minor_effects.retain(|effect| !repeats(effect));
+        if self.search.twin.nominal.stiffness_is_known {
+            report.confusable.push(Confusable {
+                effects: [EffectKind::TorqueRipple, EffectKind::KinematicError]
+                    .map(|kind| kind.name().to_owned()),
+                distance: 0.0,
+                reason: "faster than its link swings a gear's error is a torque, as a ripple is"
+                    .to_owned(),
+            });
+        }
+        Some(found.clone())
     }
 
     /// Parts of the gap that the drive takes by what its samples show, each, beside what the file's values are in the end.

@@ -11,6 +11,7 @@ use joint_twin::whiten::{Floor, Whitener, series};
 use joint_twin::{Changes, JointTwin, Row};
 use robot::Effect;
 
+use super::turns::{self, FastRipple};
 use crate::effects::{Hypothesis, Shown, plain};
 
 /// Runs of the twin with noise, of which the mean is taken.
@@ -88,6 +89,8 @@ pub struct Search<'a> {
     pub whitener: Whitener,
     /// What may be added, periodic effects aside.
     pub(crate) hypotheses: Vec<Hypothesis>,
+    /// A ripple that is faster than what is compared.
+    pub(crate) fast_ripple: Option<FastRipple>,
 }
 
 impl<'a> Search<'a> {
@@ -158,6 +161,7 @@ impl<'a> Search<'a> {
             noise_nm,
             repeats_nm: None,
             hypotheses: plain(&scale, shown),
+            fast_ripple: turns::fast_ripple(twin),
         })
     }
 

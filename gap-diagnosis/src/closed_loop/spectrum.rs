@@ -8,12 +8,14 @@ use joint_twin::signal::waves::{PERIODS_MIN, Waves};
 use nalgebra::DMatrix;
 
 /// Fewest and most cycles per motor turn that are looked for.
-const CYCLES: [f64; 2] = [0.5, 24.0];
+pub const CYCLES: [f64; 2] = [0.5, 24.0];
 /// [`PERIODS_MIN`] of a whole number of cycles that a peak is at, as of what repeats with a shaft, or of which a multiple is known to
 /// repeat: what comes twice a turn mostly comes once too.
 const PERIODS_MIN_WHOLE: f64 = 2.0;
 /// Steps between two numbers of cycles that the range can tell apart.
 const OVERSAMPLING: f64 = 3.0;
+/// Numbers of cycles that differ by less than this part are one.
+pub const SAME: f64 = 0.01;
 /// Of the fastest speed; slower is as good as standing.
 const MOVING: f64 = 0.05;
 /// Whitened squares that waves at a peak take off one channel at least. An effect that repeats with an angle costs 24 nats or
