@@ -4,7 +4,7 @@ use robot::Effect;
 
 /// Standard errors that a finding is away from nothing. Samples are not as independent and noise not as normal as the errors are made
 /// for: five would do where they were, and one of a hundred joints has a finding by chance then.
-pub const SURE: f64 = 7.0;
+pub(crate) const SURE: f64 = 7.0;
 /// The same in nats of likelihood.
 pub fn sure_nats() -> f64 {
     0.5 * SURE * SURE

@@ -58,7 +58,9 @@ pub(crate) fn drive_limit(
         }));
     let nats = held - otherwise;
     let is_told = told_nm.is_some_and(|told_nm| limit_nm > (1.0 - LAW) * told_nm);
-    if nats < sure_nats() || is_told {
+    // of a torque that turns round nothing can be said, and numbers that are none say nothing
+    let is_held = limit_nm > 0.0 && nats >= sure_nats();
+    if !is_held || is_told {
         return None;
     }
     let count = beyond(&rows, limit_nm).count();
@@ -160,6 +162,9 @@ mod tests {
     fn a_drive_that_follows_or_ends_where_the_file_has_it_end_is_told_of_no_limit() {
         assert_eq!(found(|u| u, None), None);
         assert_eq!(found(|u| u.clamp(-0.9, 0.9), Some(0.9)), None);
+        // one that gives nothing, or turns round
+        assert_eq!(found(|_| 0.0, None), None);
+        assert_eq!(found(|u| if u.abs() > 0.8 { -u } else { u }, None), None);
         // other units, and a motor that is weaker at large currents
         assert_eq!(found(|u| 0.8 * u, None), None);
         let weaker = |u: f64| u.signum() * (u.abs() - 0.3 * (u.abs() - 0.7).max(0.0));

@@ -316,8 +316,24 @@ fn slow_velocity(columns: &[JointColumns], rate_hz: f64, usual_s: f64) -> Option
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may")]
 mod tests {
+    use std::f64::consts::TAU;
+
     use super::*;
     use crate::follow::tests::{columns, command};
+
+    /// The velocity of a position as a filter of the first order shows it, a thousand times a second.
+    fn filtered(position_rad: impl Fn(usize) -> f64, cutoff_hz: f64) -> Vec<f64> {
+        let share = 1.0 - (-TAU * cutoff_hz / 1000.0).exp();
+        let velocity_rad_s = |k: usize| (position_rad(k + 1) - position_rad(k)) * 1000.0;
+        let mut slow_rad_s = velocity_rad_s(0);
+        (0..20_000)
+            .map(|k| {
+                let shown_rad_s = slow_rad_s;
+                slow_rad_s += share * (velocity_rad_s(k) - slow_rad_s);
+                shown_rad_s
+            })
+            .collect()
+    }
 
     fn wave(k: usize) -> f64 {
         let t = k as f64 / 1000.0;
@@ -388,16 +404,9 @@ mod tests {
     #[test]
     fn a_slow_velocity_is_measured() {
         let cutoff_hz = 40.0;
-        let share = 1.0 - (-std::f64::consts::TAU * cutoff_hz / 1000.0_f64).exp();
-        let mut slow = 91.8;
-        let mut told = Vec::new();
-        for k in 0..20_000 {
-            told.push(slow);
-            slow += share * ((wave(k + 1) - wave(k)) * 1000.0 - slow);
-        }
         let joint = columns(vec![
             (Signal::MotorPositionRad, (0..20_000).map(wave).collect()),
-            (Signal::MotorVelocityRadS, told),
+            (Signal::MotorVelocityRadS, filtered(wave, cutoff_hz)),
         ]);
         let usual = |told_s| usual_lag_s(told_s, 1e-3);
         let found = slow_velocity(std::slice::from_ref(&joint), 1000.0, usual(0.0)).unwrap();
@@ -409,27 +418,19 @@ mod tests {
         };
         assert!((found_hz / cutoff_hz - 1.0).abs() < 0.2, "{found_hz}");
         // told, it is no fault
-        let told_s = 1.0 / (std::f64::consts::TAU * cutoff_hz);
+        let told_s = 1.0 / (TAU * cutoff_hz);
         assert_eq!(slow_velocity(&[joint], 1000.0, usual(told_s)), None);
     }
 
     #[test]
     fn a_velocity_of_a_joint_that_vibrates_is_no_later_than_told() {
         let cutoff_hz = 60.0;
-        let turns = std::f64::consts::TAU;
-        let shakes = |k: usize| wave(k) + 0.2 * (turns * 24.0 * k as f64 / 1000.0).sin();
-        let share = 1.0 - (-turns * cutoff_hz / 1000.0_f64).exp();
-        let mut slow = (shakes(1) - shakes(0)) * 1000.0;
-        let mut told = Vec::new();
-        for k in 0..20_000 {
-            told.push(slow);
-            slow += share * ((shakes(k + 1) - shakes(k)) * 1000.0 - slow);
-        }
+        let shakes = |k: usize| wave(k) + 0.2 * (TAU * 24.0 * k as f64 / 1000.0).sin();
         let joint = columns(vec![
             (Signal::MotorPositionRad, (0..20_000).map(shakes).collect()),
-            (Signal::MotorVelocityRadS, told),
+            (Signal::MotorVelocityRadS, filtered(shakes, cutoff_hz)),
         ]);
-        let usual_s = usual_lag_s(1.0 / (turns * cutoff_hz), 1e-3);
+        let usual_s = usual_lag_s(1.0 / (TAU * cutoff_hz), 1e-3);
         assert_eq!(slow_velocity(&[joint], 1000.0, usual_s), None);
     }
 

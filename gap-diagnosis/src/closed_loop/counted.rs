@@ -120,7 +120,8 @@ pub fn add(
     report.reason.push_str(&because.join("; "));
 }
 
-/// What was counted with what the evidence says is more of it: both are one effect, whose parameters add up, as delays and lags do.
+/// What was counted with what the evidence says is more of it: both are one effect, whose parameters add up, as delays and lags do. Of two
+/// limits a drive ends at the lower.
 fn with_more(mut counted: NamedEffect, report: &mut JointReport) -> NamedEffect {
     let told = [&mut report.effects, &mut report.minor_effects];
     let more = told.into_iter().find_map(|effects| {
@@ -129,7 +130,14 @@ fn with_more(mut counted: NamedEffect, report: &mut JointReport) -> NamedEffect 
     });
     let Some(more) = more else { return counted };
     for (name, parameter) in &mut counted.parameters {
-        if let Some(more) = more.parameters.get(name) {
+        let Some(more) = more.parameters.get(name) else {
+            continue;
+        };
+        if name == "limit_nm" {
+            if more.value < parameter.value {
+                *parameter = *more;
+            }
+        } else {
             parameter.value += more.value;
             parameter.std = parameter.std.hypot(more.std);
         }
@@ -215,6 +223,22 @@ mod tests {
         let lag = &report.effects[0];
         assert!((lag.parameters["time_constant_s"].value - 11e-3).abs() < 1e-12);
         assert!((lag.share - 0.55).abs() < 1e-12, "{}", lag.share);
+    }
+
+    #[test]
+    fn of_two_limits_a_drive_ends_at_the_lower() {
+        let found = |limit_nm: f64| Found {
+            effect: Effect::TorqueSaturation { limit_nm },
+            std: 0.01,
+            because: String::new(),
+        };
+        for (counted, more) in [(0.5, 0.4), (0.4, 0.5)] {
+            let mut report = insufficient("joint1", String::new());
+            report.effects = vec![named_effect(&found(more), 0.1)];
+            let both = with_more(named_effect(&found(counted), 0.5), &mut report);
+            assert_eq!(both.parameters["limit_nm"].value, 0.4);
+            assert!((both.share - 0.6).abs() < 1e-12);
+        }
     }
 
     #[test]
