@@ -42,6 +42,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         has_command: false,
         timing_is_open: false,
         limit_is_open: false,
+        feels_weight: true,
     };
     let before = best.0;
     for name in arguments {

@@ -120,6 +120,7 @@ fn refit(search: &Search<'_>) -> Result<[f64; 3], Box<dyn Error>> {
         has_command: false,
         timing_is_open: false,
         limit_is_open: false,
+        feels_weight: true,
     };
     let offered = plain(&search.scale, shown).into_iter();
     let terms = offered

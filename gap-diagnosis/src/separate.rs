@@ -131,6 +131,7 @@ impl<'a> Responses<'a> {
             has_command: true,
             timing_is_open: true,
             limit_is_open: true,
+            feels_weight: true,
         };
         let cycles = cycles_per_motor_rev(&pair.effect);
         plain(&self.search.scale, shown)

@@ -272,3 +272,35 @@ fn gravity_that_is_refused_changes_nothing() {
     chain.gravity_torque(&[0.4, 0.4], &mut torque_nm);
     assert_eq!(torque_nm, [0.0; 2]);
 }
+
+#[test]
+fn gravity_across_an_axis_is_what_a_weight_can_make_its_joint_feel() {
+    // the first axis is vertical, the second lies at an angle to it that the first joint does not change
+    let tilt_rad = 0.3_f64;
+    let upright = Link {
+        axis: Vector3::z_axis(),
+        ..pendulum()
+    };
+    let tilted = Link {
+        parent: Some(0),
+        origin: Isometry3::rotation(Vector3::x() * tilt_rad),
+        ..upright
+    };
+    let sliding = Link {
+        parent: Some(1),
+        kind: JointKind::Prismatic,
+        axis: Vector3::x_axis(),
+        ..upright
+    };
+    let links = [upright, tilted, sliding];
+    let chain = Chain::new(&links, GRAVITY_M_S2, Isometry3::identity()).unwrap();
+    for pose_rad in [[0.0, 0.0, 0.0], [1.1, -0.4, 0.2]] {
+        let across = |joint: usize| chain.gravity_across_axis(&pose_rad, joint);
+        assert!(across(0) < 1e-12);
+        assert!((across(1) - tilt_rad.sin()).abs() < 1e-12);
+        // what slides weighs the same wherever it is
+        assert_eq!(across(2), 0.0);
+    }
+    let floating = Chain::new(&links, Vector3::zeros(), Isometry3::identity()).unwrap();
+    assert_eq!(floating.gravity_across_axis(&[0.0; 3], 1), 0.0);
+}

@@ -242,6 +242,15 @@ impl<'a> JointTwin<'a> {
         self.robot.chain.links()[self.joint].axis
     }
 
+    /// Largest part of gravity that lies across the joint's axis on the recorded motion.
+    pub fn gravity_part(&self) -> f64 {
+        let motions = self.pieces.iter().map(|piece| &piece.stretch.motion);
+        let poses = motions.flat_map(Motion::poses_rad);
+        let across =
+            poses.map(|pose_rad| self.robot.chain.gravity_across_axis(&pose_rad, self.joint));
+        across.fold(0.0, f64::max)
+    }
+
     /// How strong gravity is across the axis of the first joint, which does not turn in space.
     pub fn gravity_across_m_s2(&self) -> f64 {
         let chain = &self.robot.chain;

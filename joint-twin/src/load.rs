@@ -12,6 +12,8 @@ use crate::signal::smooth::{derivative, low_pass, second_derivative};
 
 /// The load is computed about so many times a second and interpolated: poses change slowly.
 const LOAD_HZ: f64 = 200.0;
+/// Poses that are looked at in a recording's piece.
+pub const POSES: usize = 50;
 /// Step of the gravity torque's slope.
 const SLOPE_RAD: f64 = 1e-4;
 
@@ -192,6 +194,16 @@ impl Motion {
                 *value = column[k];
             }
         }
+    }
+
+    /// Poses all along it, some from each of its parts.
+    pub fn poses_rad(&self) -> impl Iterator<Item = Vec<f64>> {
+        let rows = self.position_rad.first().map_or(0, Vec::len);
+        let every = (rows / POSES).max(1);
+        (0..rows).step_by(every).map(|row| {
+            let joints = self.position_rad.iter();
+            joints.map(|position_rad| position_rad[row]).collect()
+        })
     }
 
     /// A joint's velocity.

@@ -13,6 +13,7 @@ use robot::Effect;
 
 use super::turns::{self, FastRipple};
 use crate::effects::{Hypothesis, Shown, plain};
+use crate::evidence::told::MATERIALITY;
 
 /// Runs of the twin with noise, of which the mean is taken.
 const NOISY_RUNS: u64 = 6;
@@ -152,6 +153,7 @@ impl<'a> Search<'a> {
             has_command,
             timing_is_open,
             limit_is_open,
+            feels_weight: twin.gravity_part() > MATERIALITY,
         };
         Ok(Self {
             twin,

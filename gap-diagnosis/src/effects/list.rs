@@ -91,6 +91,8 @@ pub struct Shown {
     pub timing_is_open: bool,
     /// Nor is the torque at which it ends.
     pub limit_is_open: bool,
+    /// Gravity lies across the joint's axis somewhere along the motion.
+    pub feels_weight: bool,
 }
 
 /// What may be fitted to a joint, periodic effects aside: those come from [`periodic`] once their cycles are known.

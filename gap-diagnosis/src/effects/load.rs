@@ -88,6 +88,7 @@ pub const ROTOR_INERTIA: Form = Form {
 /// What weight adds to the torque that holds the joint, by the sine and by the cosine of its position.
 pub const GRAVITY_TORQUE: Form = Form {
     amplitudes: 2,
+    may_show: |shown, _| shown.feels_weight,
     ..Form::of(|amplitude, _, scale| Effect::GravityTorque {
         sin_nm: amplitude[0] * friction_step_nm(scale),
         cos_nm: amplitude[1] * friction_step_nm(scale),

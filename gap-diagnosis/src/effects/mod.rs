@@ -215,6 +215,7 @@ pub(crate) mod tests {
         has_command: true,
         timing_is_open: true,
         limit_is_open: true,
+        feels_weight: true,
     };
 
     /// Of a joint that the effects' own tests look at too.
@@ -252,5 +253,19 @@ pub(crate) mod tests {
         let plain = plain(&scale(), ARM);
         let mut others = plain.iter().filter(|one| !one.is_periodic());
         assert!(!others.any(|one| one.repeats(one)));
+    }
+
+    #[test]
+    fn weight_is_named_only_where_gravity_lies_across_the_axis() {
+        let is_offered = |feels_weight: bool| {
+            let shown = Shown {
+                feels_weight,
+                ..ARM
+            };
+            let all = plain(&scale(), shown);
+            all.iter().any(|of| of.kind == EffectKind::GravityTorque)
+        };
+        assert!(is_offered(true));
+        assert!(!is_offered(false));
     }
 }

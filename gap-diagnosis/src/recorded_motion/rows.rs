@@ -4,6 +4,7 @@ use gap_report::TorqueSource;
 use joint_model::filter::FilterError;
 use joint_model::rigid_body::JointKind;
 use joint_twin::known::PART_MIN;
+use joint_twin::load::POSES;
 use joint_twin::signal::band::{Band, MOTION_HZ};
 use robot::Robot;
 
@@ -474,15 +475,6 @@ fn since_reversal_s(motion: &JointMotion, rate_hz: f64) -> Vec<f64> {
 
 /// Largest part of gravity that lies across a joint's axis on the recorded motion.
 fn gravity_part(robot: &Robot, joint: usize, pieces: &[Piece]) -> f64 {
-    /// Poses that are looked at in a piece.
-    const POSES: usize = 50;
-    let gravity = robot.chain.gravity_m_s2();
-    let link = &robot.chain.links()[joint];
-    // what slides weighs the same wherever it is
-    if gravity.norm() == 0.0 || link.kind == JointKind::Prismatic {
-        return 0.0;
-    }
-    let axis = link.axis;
     let poses = pieces.iter().flat_map(|piece| {
         let every = (piece.rows() / POSES).max(1);
         (0..piece.rows()).step_by(every).map(move |row| {
@@ -492,10 +484,6 @@ fn gravity_part(robot: &Robot, joint: usize, pieces: &[Piece]) -> f64 {
                 .collect::<Vec<f64>>()
         })
     });
-    let across = poses.map(|position_rad| {
-        let frame = robot.chain.joint_frame(&position_rad, joint);
-        let along = (frame.rotation * axis.into_inner()).dot(&gravity) / gravity.norm();
-        (1.0 - along * along).max(0.0).sqrt()
-    });
+    let across = poses.map(|position_rad| robot.chain.gravity_across_axis(&position_rad, joint));
     across.fold(0.0, f64::max)
 }

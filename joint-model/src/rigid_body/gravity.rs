@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 
 use super::chain::LINKS_MAX;
 use super::one_joint::{Carried, Standing};
-use super::{Chain, assert_joints};
+use super::{Chain, JointKind, assert_joints};
 
 impl Chain {
     /// Joint torque that holds the chain still against gravity.
@@ -29,6 +29,23 @@ impl Chain {
                 moments_kg_m[parent] += link.passed_on_kg_m(body, &h);
             }
         }
+    }
+
+    /// Part of gravity, 0 to 1, that lies across the axis of joint `index`: what a weight on its link can make it feel. Nothing where
+    /// the joint slides, for what slides weighs the same wherever it is.
+    ///
+    /// # Panics
+    /// When the chain has no joint `index`.
+    pub fn gravity_across_axis(&self, position_rad: &[f64], index: usize) -> f64 {
+        let link = &self.links()[index];
+        let Some(down) = self.gravity_m_s2.try_normalize(0.0) else {
+            return 0.0;
+        };
+        if link.kind == JointKind::Prismatic {
+            return 0.0;
+        }
+        let axis = self.joint_frame(position_rad, index).rotation * link.axis.into_inner();
+        axis.cross(&down).norm()
     }
 
     /// Gravitational potential energy, zero with every centre of mass at the base origin's height.
