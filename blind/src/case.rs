@@ -14,7 +14,7 @@ use crate::bench::{Bench, Run, Setup, rms, rms_difference};
 use crate::course::{Course, Room};
 use crate::families::{draw, equivalents};
 use crate::label::{CaseKind, Label, TrueEffect, TrueUnlisted};
-use crate::likeness::{common, shapes};
+use crate::likeness::{common, dot, shapes};
 use crate::pairs::{DESIGNS, Design};
 use crate::plan::CasePlan;
 use crate::random::Random;
@@ -34,6 +34,10 @@ const TORQUE_USED: f64 = 0.95;
 const SMALL_LEVEL: f64 = 0.5;
 /// Draws of an effect whose shape is free that are held against a law on no list.
 const SHAPES: usize = 2;
+/// Part of the most that is plausible at which is looked first how large a change an effect makes.
+const PROBED: f64 = 0.5;
+/// How often that is halved where the loop does not bear it.
+const HALVED_MOST: usize = 6;
 /// The strongest unlisted law, as part of the drive's torque.
 const UNLISTED_MOST: f64 = 0.25;
 
@@ -402,8 +406,9 @@ impl<'a> Stand<'a> {
     }
 
     /// What each effect of the list has in common with a truth at a joint: the part of the change's square that the plant with that effect
-    /// in it makes too, at the strength that fits best. Of an effect whose shape is free the most that some draws of it have, and its
-    /// [`shapes`] beside them.
+    /// in it makes too, at the strength that fits best, with the known values as they are or moving along within their tolerance, of which
+    /// the larger counts: how much of a law the file's own values are blamed for is not a name's fault. Of an effect whose shape is free
+    /// the most that some draws of it have, and its [`shapes`] beside them.
     fn in_common(
         &self,
         truth: &Truth,
@@ -417,12 +422,21 @@ impl<'a> Stand<'a> {
         let change_nm = &changes_nm[joint];
         let law = truth.unlisted.as_ref().map(|unlisted| &unlisted.law);
         let waves = law.and_then(|law| law.waves_per_motor_rev(self.sizes[joint].gear_ratio));
+        let known = self.tolerance(joint)?;
+        let within = known.within(change_nm);
+        let in_common = |alike_nm: &[Vec<f64>]| {
+            let moving = within
+                .as_ref()
+                .map(|within| common(change_nm, alike_nm, |a, b| within.product(a, b)));
+            common(change_nm, alike_nm, dot).max(moving.unwrap_or(0.0))
+        };
         let mut all = BTreeMap::new();
         for name in Effect::names() {
             let mut most: f64 = 0.0;
             for _ in 0..SHAPES {
-                for alike_nm in self.drawn_nm(name, joint, kind, waves, random)? {
-                    most = most.max(common(change_nm, &alike_nm));
+                let size_nm = rms(change_nm);
+                for alike_nm in self.drawn_nm(name, joint, kind, size_nm, waves, random)? {
+                    most = most.max(in_common(&alike_nm));
                 }
             }
             if most > 0.0 {
@@ -443,34 +457,56 @@ impl<'a> Stand<'a> {
         let Some(changes_nm) = self.changes_nm(truth)? else {
             return Ok(false);
         };
+        let size_nm = rms(&changes_nm[joint]);
         let mut others_nm = Vec::new();
         for name in truth.pair.iter().skip(1) {
-            let shaped = self.drawn_nm(name, joint, kind, None, random)?;
+            let shaped = self.drawn_nm(name, joint, kind, size_nm, None, random)?;
             others_nm.extend(shaped.into_iter().flatten());
         }
-        let left = (1.0 - common(&changes_nm[joint], &others_nm)).max(0.0);
+        let left = (1.0 - common(&changes_nm[joint], &others_nm, dot)).max(0.0);
         Ok(left.sqrt() * self.ratio(&changes_nm, joint) < SMALL_LEVEL)
     }
 
-    /// What one draw of an effect changes of a joint's disturbance torque, at each of its [`shapes`].
+    /// What one draw of an effect changes of a joint's disturbance torque, at each of its [`shapes`] and as strong as makes it about so
+    /// large: what a strong effect does to the motion is not the shape of a weak one.
     fn drawn_nm(
         &self,
         name: &str,
         joint: usize,
         kind: RigKind,
+        size_nm: f64,
         waves: Option<f64>,
         random: &mut Random,
     ) -> Result<Vec<Vec<Vec<f64>>>, BlindError> {
-        let Some(family) = draw(name, kind, &self.sizes[joint], random) else {
+        let sizes = self.sizes[joint].clone().if_it_were_loaded();
+        let Some(family) = draw(name, kind, &sizes, random) else {
             return Ok(Vec::new());
         };
-        let mut all = Vec::new();
-        for together in shapes((family.make)(0.5 * family.most), waves) {
+        let at = |part: f64| shapes((family.make)(part * family.most), waves);
+        let made = |together: Vec<Effect>| {
             let each = together.into_iter();
-            let changes_nm = each
-                .map(|effect| self.made_by(effect, joint, kind))
-                .collect::<Result<Option<Vec<_>>, _>>()?;
-            all.extend(changes_nm);
+            each.map(|effect| self.made_by(effect, joint, kind))
+                .collect::<Result<Option<Vec<_>>, _>>()
+        };
+        let mut all = Vec::new();
+        for place in 0..at(PROBED).len() {
+            // where the loop stops for safety less of it may be borne
+            let mut part = PROBED;
+            let mut found = made(at(part).swap_remove(place))?;
+            for _ in 0..HALVED_MOST {
+                if found.is_some() {
+                    break;
+                }
+                part *= 0.5;
+                found = made(at(part).swap_remove(place))?;
+            }
+            let Some(found) = found else {
+                continue;
+            };
+            let largest_nm = found.iter().map(|nm| rms(nm)).fold(0.0, f64::max);
+            let wanted = (part * size_nm / largest_nm.max(f64::MIN_POSITIVE)).min(1.0);
+            let again = made(at(wanted).swap_remove(place))?;
+            all.push(again.unwrap_or(found));
         }
         Ok(all)
     }

@@ -11,13 +11,19 @@ const FADES_S: [f64; 5] = [1.0, 2.5, 6.0, 12.0, 25.0];
 /// How far a second spring's rest is from the first's: any other place will do.
 const ELSEWHERE_RAD: f64 = 0.5;
 
+/// Harmonics of a law that repeats which names are held against: a robot file writes so many of a kinematic error.
+const HARMONICS: [f64; 3] = [1.0, 2.0, 3.0];
+
 /// An effect at its own shape and at others. What is in one set adds up: the effect at a shape of its own again, at whatever sizes.
 /// `waves`: how often a law repeats in a turn of the motor.
 pub(crate) fn shapes(effect: Effect, waves: Option<f64>) -> Vec<Vec<Effect>> {
+    let of_law = || waves.map(|waves| HARMONICS.map(|harmonic| harmonic * waves));
+    let quarters = |cycles: f64, pair: &dyn Fn(f64, f64) -> Effect| {
+        vec![pair(cycles, 0.0), pair(cycles, FRAC_PI_2)]
+    };
     let at_waves = |own: f64, pair: &dyn Fn(f64, f64) -> Effect| {
-        let all = [own].into_iter().chain(waves);
-        all.map(|cycles| vec![pair(cycles, 0.0), pair(cycles, FRAC_PI_2)])
-            .collect()
+        let all = [own].into_iter().chain(of_law().into_iter().flatten());
+        all.map(|cycles| quarters(cycles, pair)).collect()
     };
     match effect {
         Effect::TorqueRipple {
@@ -46,9 +52,15 @@ pub(crate) fn shapes(effect: Effect, waves: Option<f64>) -> Vec<Vec<Effect>> {
             amplitude_rad,
             cycles_per_motor_rev,
             ..
-        } => at_waves(cycles_per_motor_rev, &|cycles_per_motor_rev, phase_rad| {
-            Effect::kinematic_error(amplitude_rad, cycles_per_motor_rev, phase_rad)
-        }),
+        } => {
+            let error = |cycles: f64, phase_rad: f64| {
+                Effect::kinematic_error(amplitude_rad, cycles, phase_rad)
+            };
+            let own = quarters(cycles_per_motor_rev, &error);
+            // its harmonics are one name
+            let all = of_law().map(|all| all.map(|cycles| quarters(cycles, &error)).concat());
+            [own].into_iter().chain(all).collect()
+        }
         // an encoder shows the same after a turn of its own shaft, not after the law's
         Effect::EncoderEccentricity {
             amplitude_rad,
@@ -119,9 +131,17 @@ pub(crate) fn shapes(effect: Effect, waves: Option<f64>) -> Vec<Vec<Effect>> {
     }
 }
 
-/// Part of one signal's square that others, at the sizes that fit best, have in common with it.
-pub(crate) fn common(of: &[f64], others: &[Vec<f64>]) -> f64 {
-    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+/// The product of two signals whose every value counts.
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Part of one signal's square that others, at the sizes that fit best, have in common with it, by this product.
+pub(crate) fn common(
+    of: &[f64],
+    others: &[Vec<f64>],
+    product: impl Fn(&[f64], &[f64]) -> f64,
+) -> f64 {
     let whole = product(of, of);
     let mut apart: Vec<Vec<f64>> = Vec::new();
     for other in others {
@@ -158,10 +178,11 @@ mod tests {
                 .collect()
         };
         let quarters = [wave(0.0), wave(FRAC_PI_2)];
-        assert!((common(&wave(0.7), &quarters) - 1.0).abs() < 1e-9);
-        assert!((common(&wave(0.7), &quarters[..1]) - 0.7_f64.cos().powi(2)).abs() < 1e-3);
+        assert!((common(&wave(0.7), &quarters, dot) - 1.0).abs() < 1e-9);
+        assert!((common(&wave(0.7), &quarters[..1], dot) - 0.7_f64.cos().powi(2)).abs() < 1e-3);
         // the same twice is once
-        assert!((common(&wave(0.7), &[wave(0.0), wave(0.0)]) - 0.585).abs() < 1e-2);
+        let twice = [wave(0.0), wave(0.0)];
+        assert!((common(&wave(0.7), &twice, dot) - 0.585).abs() < 1e-2);
     }
 
     #[test]
@@ -182,6 +203,11 @@ mod tests {
                 _ => None,
             })
             .collect();
-        assert_eq!(cycles, [6.0, 6.0, 0.7, 0.7]);
+        let each: Vec<f64> = [6.0, 0.7, 1.4, 2.1].iter().flat_map(|c| [*c, *c]).collect();
+        assert_eq!(cycles, each.as_slice());
+        // a kinematic error's harmonics are one name
+        let error = Effect::kinematic_error(1e-4, 2.0, 0.0);
+        let together: Vec<usize> = shapes(error, Some(0.7)).iter().map(Vec::len).collect();
+        assert_eq!(together, [2, 6]);
     }
 }

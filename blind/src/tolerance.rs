@@ -1,12 +1,13 @@
 //! What a joint's known values may explain: a gap that they make within their tolerance is none, whatever caused it.
 
 use joint_model::rigid_body::{Chain, Link};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use plant_emulator::PlantParameters;
 use robot::{Effect, LoadTorqueRow, Robot, RobotJoint, StribeckRow};
 
 use crate::BlindError;
 use crate::bench::{Bench, Run, Setup};
+use crate::likeness::dot;
 
 /// Standard deviations, of all values together, within which what they explain is no gap.
 const WITHIN: f64 = 3.0;
@@ -73,25 +74,54 @@ impl Tolerance {
 
     /// Whether the known values explain this change of the disturbance torque within their tolerance.
     pub fn explains(&self, change_nm: &[f64]) -> bool {
-        let change = DVector::from_column_slice(change_nm);
-        let target = self.responses.transpose() * &change;
+        self.within(change_nm).is_some_and(|within| {
+            let left = within.left(change_nm);
+            left.norm() <= LEFT * dot(change_nm, change_nm).sqrt()
+        })
+    }
+
+    /// What is left of signals once the known values have taken of this change what they can within their tolerance; none where they
+    /// make nothing.
+    pub fn within(&self, change_nm: &[f64]) -> Option<Within<'_>> {
+        let target = self.taken(change_nm);
         let count = target.len();
         let mut ridge = self.matrix.trace().max(f64::MIN_POSITIVE);
+        let mut last = None;
         for _ in 0..STEPS {
             let regular = &self.matrix + DMatrix::identity(count, count) * ridge;
-            let Some(deviations) = regular.cholesky().map(|own| own.solve(&target)) else {
-                return false;
+            let Some(regular) = regular.cholesky() else {
+                break;
             };
-            if deviations.norm() > WITHIN {
-                return false;
+            if regular.solve(&target).norm() > WITHIN {
+                break;
             }
-            let left = &change - &self.responses * deviations;
-            if left.norm() <= LEFT * change.norm() {
-                return true;
-            }
+            last = Some(regular);
             ridge *= 0.8;
         }
-        false
+        last.map(|regular| Within { of: self, regular })
+    }
+
+    fn taken(&self, nm: &[f64]) -> DVector<f64> {
+        self.responses.transpose() * DVector::from_column_slice(nm)
+    }
+}
+
+/// Known values that move as far as one change asks them to, within their tolerance.
+pub(crate) struct Within<'a> {
+    of: &'a Tolerance,
+    regular: Cholesky<f64, Dyn>,
+}
+
+impl Within<'_> {
+    fn left(&self, nm: &[f64]) -> DVector<f64> {
+        let deviations = self.regular.solve(&self.of.taken(nm));
+        DVector::from_column_slice(nm) - &self.of.responses * deviations
+    }
+
+    /// The product of two signals where the known values move along, at what their tolerance makes that cost: zero if they make one of
+    /// the two for nothing.
+    pub fn product(&self, a: &[f64], b: &[f64]) -> f64 {
+        dot(a, b) - self.of.taken(a).dot(&self.regular.solve(&self.of.taken(b)))
     }
 }
 
@@ -233,6 +263,7 @@ fn known_value(effect: &mut Effect, number: usize) -> Option<&mut f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::likeness::common;
 
     /// Two values, each a wave of its own, one standard deviation of it 1 Nm.
     fn tolerance() -> Tolerance {
@@ -259,5 +290,30 @@ mod tests {
         // so is a value that is further off
         assert!(!tolerance.explains(&change(4.0, -3.0, 0.0)));
         assert!(!tolerance.explains(&change(0.0, 0.0, 0.5)));
+    }
+
+    #[test]
+    fn a_law_is_held_against_names_where_the_known_values_move_along() {
+        let tolerance = tolerance();
+        let wave = |per: f64, nm: f64| (0..600).map(move |k| nm * (per * f64::from(k)).sin());
+        let sum = |a: f64, b: f64| -> Vec<f64> {
+            wave(0.05, a)
+                .zip(wave(0.31, b))
+                .map(|(a, b)| a + b)
+                .collect()
+        };
+        let law = sum(1.0, 1.0);
+        let within = tolerance.within(&law).expect("the values make something");
+        let alike = |name: Vec<f64>| common(&law, &[name], |a, b| within.product(a, b));
+        // of what the values leave the second part is nearly all
+        assert!(alike(sum(0.0, 1.0)) > 0.95, "{}", alike(sum(0.0, 1.0)));
+        assert!(alike(sum(1.0, 0.0)) < 0.05, "{}", alike(sum(1.0, 0.0)));
+        // without them half of it
+        assert!((common(&law, &[sum(0.0, 1.0)], dot) - 0.5).abs() < 0.05);
+        // nothing is taken off what is more than they can be
+        let law = sum(100.0, 1.0);
+        let within = tolerance.within(&law).expect("the values make something");
+        let first = common(&law, &[sum(1.0, 0.0)], |a, b| within.product(a, b));
+        assert!(first > 0.95, "{first}");
     }
 }
