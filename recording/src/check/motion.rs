@@ -20,6 +20,8 @@ const FREQUENCY_MAX_HZ: f64 = 4.0;
 const STUCK_S: f64 = 0.2;
 /// Share of its whole way that the joint moves meanwhile.
 const STUCK_TRAVEL: f64 = 0.05;
+/// Part of a torque's rows, at each end of what it measured, that may be anything.
+const ODD: f64 = 0.01;
 /// Above this share missing values are worth a warning.
 const MISSING: f64 = 0.05;
 
@@ -169,15 +171,21 @@ fn stuck(
         _ => None,
     };
     let held = other.and_then(|other| longest_held(recording, column, other));
+    let is_torque = matches!(signal, Signal::MotorTorqueNm | Signal::JointTorqueNm);
+    // of a drive that was switched off before the joint moved the first rows have another one
+    let is_one_value = || {
+        let there: Vec<f64> = column.iter().copied().filter(|nm| nm.is_finite()).collect();
+        let ends = [ODD, 1.0 - ODD].map(|part| quantile(there.clone(), part));
+        span(column) == 0.0 || is_torque && ends[0] == ends[1]
+    };
     let what = if let Some((held_s, at_s)) = held {
         format!("keeps one value for {held_s:.3} s from {at_s:.3} s on, while the joint moves")
-    } else if span(column) == 0.0 {
+    } else if is_one_value() {
         "keeps one value while the joint moves".to_owned()
     } else {
         return None;
     };
     // a torque of one value is no measurement of a joint that moves
-    let is_torque = matches!(signal, Signal::MotorTorqueNm | Signal::JointTorqueNm);
     let (finding, remedy) = if is_torque {
         (
             Finding::error(FindingKind::StuckSignal, what),

@@ -65,7 +65,8 @@ fn against_command(
 }
 
 /// A torque sensor that goes against the motor's torque, and does so beside friction too: where friction is most of the motor's torque,
-/// the two may well go against each other.
+/// the two may well go against each other. Reversed is whichever makes friction take power: the gear takes what the motor gives and the
+/// sensor does not pass on.
 fn reversed_sensor(
     recording: &Recording,
     joint: &JointColumns,
@@ -107,8 +108,20 @@ fn reversed_sensor(
     } else {
         first_coefficient::<5>(&rows)?
     };
-    (part * motor_sign < -CERTAIN * error)
-        .then(|| reversed(Signal::JointTorqueNm, Signal::MotorTorqueNm))
+    if part * motor_sign >= -CERTAIN * error {
+        return None;
+    }
+    // if it is the sensor that is reversed
+    let taken = stretches.iter().map(|at| {
+        let lost_nm = motor_sign * mean(motor, at) - part * motor_sign * mean(sensor, at);
+        lost_nm * at.speed
+    });
+    let taken: f64 = taken.filter(|power| power.is_finite()).sum();
+    Some(if taken < 0.0 && motor_sign > 0.0 {
+        reversed(Signal::MotorTorqueNm, Signal::JointTorqueNm)
+    } else {
+        reversed(Signal::JointTorqueNm, Signal::MotorTorqueNm)
+    })
 }
 
 /// Standard errors. Neighbouring blocks are not independent, so far above the usual.

@@ -17,7 +17,8 @@ const TORQUES: [Signal; 4] = [
 const TURNS: usize = 20;
 
 /// How often values reach zero within a row's step and turn back, from beyond their root mean square each time; none where they have both
-/// signs, or are zero.
+/// signs, or are zero, and never where they turn back too far from zero: what goes through zero does so anywhere within a row's step, up to
+/// half of it from the nearer row, so that of many turns one is near.
 fn turns(values: &[f64]) -> Option<usize> {
     let finite = || values.iter().copied().filter(|value| value.is_finite());
     let [low, high] = finite().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
@@ -31,16 +32,22 @@ fn turns(values: &[f64]) -> Option<usize> {
     sizes.dedup();
     let square = sizes.iter().map(|size| size * size).sum::<f64>();
     let usual = (square / sizes.len() as f64).sqrt();
-    let (mut turns, mut farthest) = (0, 0.0_f64);
+    let (mut turns, mut farthest, mut nearest) = (0, 0.0_f64, 0.5_f64);
     for three in sizes.windows(3) {
         let (before, least, after) = (three[0], three[1], three[2]);
         farthest = farthest.max(before);
         if least < before.min(after) && 2.0 * least < before.max(after) {
-            turns += usize::from(farthest > usual);
+            if farthest > usual {
+                turns += 1;
+                // in steps of a row, were its sign lost on the way
+                nearest = nearest.min(least / (before.max(after) - least));
+            }
             farthest = 0.0;
         }
     }
-    Some(turns)
+    // the binary logarithm of how probable it is that they all are that far
+    let stays_away = turns as f64 * (1.0 - 2.0 * nearest).log2() < -(TURNS as f64);
+    Some(if stays_away { 0 } else { turns })
 }
 
 /// Torques of joints that move: those that turn back often enough, and the same signal of others that never have the other sign, for one
@@ -102,6 +109,13 @@ mod tests {
         assert_eq!(turns(&wave(0.2)), None);
         // gravity holds the joint one way
         assert_eq!(turns(&wave(3.0)), Some(0));
+        // a ripple that is as large as what it is about, in steps of a current's
+        let ripple = |k: u32| {
+            let value = 0.096 - 0.08 * (f64::from(k) * 0.61).sin();
+            (value / 0.001).round() * 0.001
+        };
+        let ripple: Vec<f64> = (0..20_000).map(ripple).collect();
+        assert_eq!(turns(&ripple), Some(0));
         // a drive that was switched on late
         let mut late = wave(3.0);
         late[..500].fill(0.0);

@@ -481,6 +481,13 @@ fn signals_that_stay_or_are_missing_are_named() {
         (FindingKind::StuckSignal, Some(Signal::JointTorqueNm))
     );
 
+    // a drive that was switched off after the first rows
+    column(&mut recording, 1, Signal::JointTorqueNm)[..50].fill(0.7);
+    let finding = only(&recording, None);
+    assert_eq!(
+        (finding.kind, finding.signal),
+        (FindingKind::StuckSignal, Some(Signal::JointTorqueNm))
+    );
     let mut recording = whole();
     column(&mut recording, 1, Signal::JointTorqueNm)[..2000].fill(f64::NAN);
     let finding = only(&recording, None);
@@ -513,6 +520,41 @@ fn a_torque_sensor_that_goes_against_friction_is_not_reversed() {
         .iter()
         .filter(|of| of.kind == FindingKind::ReversedSign);
     assert_eq!(reversed.count(), 0, "{found:#?}");
+}
+
+#[test]
+fn of_a_motor_and_a_sensor_the_one_that_makes_friction_give_power_is_reversed() {
+    for reversed in [Signal::MotorTorqueNm, Signal::JointTorqueNm] {
+        let mut recording = whole();
+        recording.joints.truncate(1);
+        let signals = &mut recording.joints[0].signals;
+        signals.retain(|signal, _| {
+            [
+                Signal::LinkPositionRad,
+                Signal::MotorTorqueNm,
+                Signal::JointTorqueNm,
+            ]
+            .contains(signal)
+        });
+        // what other joints do hides the friction in either torque
+        for (signal, ratio) in [
+            (Signal::MotorTorqueNm, JOINTS[0].1),
+            (Signal::JointTorqueNm, 1.0),
+        ] {
+            let torque_nm = signals.get_mut(&signal).unwrap().iter_mut();
+            for (row, nm) in torque_nm.enumerate() {
+                *nm += 40.0 * (5.3 * row as f64 / RATE_HZ).sin() / ratio;
+            }
+        }
+        scale(&mut recording, 0, reversed, -1.0);
+        let found = serious(check(&recording, None));
+        let told: Vec<_> = found.iter().map(|of| (of.kind, of.signal)).collect();
+        assert_eq!(
+            told,
+            [(FindingKind::ReversedSign, Some(reversed))],
+            "{found:#?}"
+        );
+    }
 }
 
 #[test]
