@@ -46,10 +46,14 @@ fn robot(control: &str) -> Robot {
 }
 
 fn known_control() -> Robot {
-    robot(&format!(
+    robot(&control())
+}
+
+fn control() -> String {
+    format!(
         "[control]\nrate_hz = {RATE_HZ:?}\nkind = \"pd_feedforward\"\nproportional_nm_rad = [{KP:?}]\n\
          derivative_nm_s_rad = [{KD:?}]\nfeedback = \"link\"\ndelay_cycles = 1\n"
-    ))
+    )
 }
 
 /// What was recorded, joint side.
@@ -74,6 +78,11 @@ fn noise(state: &mut u64) -> f64 {
 /// 10 s under a proportional and derivative controller, with friction of 3.0 Nm and 2.0 Nm s/rad, and `more` by the time since the
 /// direction changed. Friction gives way after `bend_rad`.
 fn log(more: impl Fn(f64) -> f64, bend_rad: f64) -> Log {
+    log_within(f64::INFINITY, more, bend_rad)
+}
+
+/// The same of a drive that gives so much at most.
+fn log_within(limit_nm: f64, more: impl Fn(f64) -> f64, bend_rad: f64) -> Log {
     const FINE: usize = 20;
     const ENCODER_RAD: f64 = 1e-5;
     let inertia_kg_m2 = 0.025 + 2.0 * 0.25 * 0.25 + 1e-5 * RATIO * RATIO;
@@ -123,7 +132,7 @@ fn log(more: impl Fn(f64) -> f64, bend_rad: f64) -> Log {
                 since_s + step_s
             };
         }
-        torque_nm = command_nm;
+        torque_nm = command_nm.clamp(-limit_nm, limit_nm);
     }
     all
 }
@@ -381,6 +390,33 @@ fn what_a_torque_sensor_is_wrong_by_is_told_as_a_line_of_the_mapping() {
 }
 
 #[test]
+fn what_a_torque_sensor_measures_beside_the_motor_is_carried_whatever_the_file_says() {
+    let (_, behind) = behind_the_gear();
+    let mut log = plain();
+    let carried_nm = behind.torque_nm.iter().zip(&behind.friction_nm);
+    let mut carried_nm: Vec<f64> = carried_nm.map(|(nm, friction)| nm - friction).collect();
+    // a machine that pulls at the link, of which the file knows nothing
+    for (k, (motor_nm, carried_nm)) in log.torque_nm.iter_mut().zip(&mut carried_nm).enumerate() {
+        let t = k as f64 / RATE_HZ;
+        let pulled_nm = 40.0 * ((4.1 * t).sin() + (2.3 * t + 1.0).sin() + (9.7 * t).cos());
+        *motor_nm += pulled_nm;
+        *carried_nm += pulled_nm;
+    }
+    let time_s = log.time_s.clone();
+    let mut signals = as_recorded(log);
+    let without = told(&robot(""), recording(time_s.clone(), signals.clone()));
+    assert!(
+        without.joints[0].effects.is_empty(),
+        "{:?}",
+        without.joints[0]
+    );
+    signals.push((Signal::JointTorqueNm, carried_nm));
+    let report = told(&robot(""), recording(time_s, signals));
+    is_told(&report);
+    warns(&report, "its torque sensor says that it carries");
+}
+
+#[test]
 fn lost_rows_are_bridged() {
     let (robot, log) = behind_the_gear();
     // bursts of one to three rows of 40
@@ -506,6 +542,25 @@ fn positions_alone_are_enough_where_the_controller_is_known() {
     let report = told(&known_control(), recording(log.time_s, signals));
     is_told(&report);
     warns(&report, "the robot file states no limit");
+}
+
+#[test]
+fn a_controller_that_asks_for_more_than_its_drive_gives_does_not_count() {
+    // the file's limit is a quarter too high
+    let limit_nm = 10.0;
+    let log = log_within(limit_nm, |_| 0.0, BEND_RAD);
+    let signals = vec![
+        (Signal::ReferencePositionRad, log.reference_rad),
+        (Signal::LinkPositionRad, log.position_rad),
+    ];
+    let robot = robot(&format!(
+        "torque_limit_nm = {:?}\n{}",
+        1.25 * limit_nm / RATIO,
+        control()
+    ));
+    let report = told(&robot, recording(log.time_s, signals));
+    is_told(&report);
+    warns(&report, "asks for more than the drive's limit");
 }
 
 #[test]

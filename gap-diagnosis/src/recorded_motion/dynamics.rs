@@ -49,6 +49,23 @@ pub fn chain(robot: &Robot) -> Chain {
 }
 
 impl Torques {
+    /// The same with what a joint carries as it was measured, whatever the bodies are.
+    pub fn carried_as(&self, joint: usize, measured_nm: &[f64]) -> Self {
+        let mut other = self.clone();
+        other.rigid_nm[joint] = measured_nm.to_vec();
+        let columns = [
+            &mut other.links,
+            &mut other.masses,
+            &mut other.payload,
+            &mut other.tip,
+            &mut other.tilt,
+        ];
+        for column in columns.into_iter().flatten() {
+            column.change_nm[joint].fill(0.0);
+        }
+        other
+    }
+
     /// Along a piece.
     pub fn along(robot: &Robot, piece: &Piece) -> Self {
         let chain = &chain(robot);

@@ -30,6 +30,8 @@ pub struct Joint {
     pub source: TorqueSource,
     /// What is compared.
     pub rows: JointRows,
+    /// The same where its torque sensor tells what it carries; none where it has none beside the drive's torque.
+    pub of_gear: Option<JointRows>,
     /// What the robot file needs of it beyond the rigid bodies.
     pub drive: Drive,
     /// How torque and masses miss each other, where that is by more than a torque constant's error could make.
@@ -54,6 +56,8 @@ pub enum Wrong {
     Unit,
     /// Other joints' torques are in N m.
     Masses,
+    /// What the joint carries is not what the file's bodies need: its torque sensor measures something else.
+    Load,
 }
 
 /// A joint's sets of names, without and with a shared cause.
@@ -90,13 +94,14 @@ impl Searched {
     }
 }
 
-/// What a reference that comes late looks like where the torque is the controller's.
-fn late_reference(robot: &Robot, joint: usize) -> String {
-    let late_s = 0.01;
+/// What a reference that comes late looks like where the torque is the controller's: one that is held from row to row is half a row late.
+fn late_reference(robot: &Robot, joint: usize, recorded_hz: f64) -> String {
+    let late_s = 0.5 / recorded_hz;
     let stiffness = controller(robot).map(|of| of.proportional_nm_rad[joint]);
     stiffness.map_or_else(String::new, |stiffness| {
         format!(
-            "; a reference that reaches the drive {:.0} ms after its row looks like viscous friction of {:.3} Nm s/rad",
+            "; a reference that the drive holds from row to row is half a row late, {:.1} ms, which looks like viscous friction of {:.3} \
+             Nm s/rad",
             1e3 * late_s,
             stiffness * late_s
         )
@@ -291,6 +296,25 @@ impl Joint {
         (ahead_nats >= CERTAIN_NATS).then(|| (Self { misfit, ..other }, searched))
     }
 
+    /// The joint with what its torque sensor says that it carries, where no name explains it with what the file's bodies need and this
+    /// does for certain. `alone`: searched as it was recorded.
+    pub fn beside_its_sensor(&self, alone: &Searched) -> Option<(Self, Searched)> {
+        let rows = self.of_gear.clone().filter(|_| alone.sets[0].names == 0)?;
+        let other = Self {
+            rows,
+            of_gear: None,
+            ..self.clone()
+        };
+        let searched = other.searched(None);
+        let ahead_nats = searched.ahead_of(alone, 1.0).of_one();
+        let misfit = Some(Misfit {
+            needed: 1.0,
+            ahead_nats,
+            of: Wrong::Load,
+        });
+        (ahead_nats >= CERTAIN_NATS).then(|| (Self { misfit, ..other }, searched))
+    }
+
     /// Nats by which names of a torque in a unit are better than those of one that follows no masses at all: such a one follows them in no
     /// unit.
     fn follows_need(&self, searched: &Searched, size_nm: f64) -> f64 {
@@ -310,7 +334,9 @@ impl Joint {
     /// The joint as it was recorded, with masses that need its torque: what a unit explains of one whose friction nobody measured, other
     /// masses do as well.
     pub fn with_masses_for(&self, other: &Self) -> Option<(Self, Searched)> {
-        let misfit = other.misfit.filter(|_| self.drive.rubs_unmeasured())?;
+        let misfit = other
+            .misfit
+            .filter(|misfit| misfit.of == Wrong::Unit && self.drive.rubs_unmeasured())?;
         let joint = Self {
             rows: self.rows.with_masses(misfit.needed.recip()),
             misfit: Some(Misfit {
@@ -361,34 +387,46 @@ impl Joint {
             of,
         } = self.misfit?;
         let signal = self.source.signal_name();
-        let (judged, remedy) = match of {
+        let of_torque = |judged: &str| {
+            format!(
+                "{signal} is {:.3} times what the file's masses and friction need, by {ahead_nats:.0} nats a better explanation than any \
+                 names; no torque constant is so far off. The joint is judged {judged}",
+                needed.recip()
+            )
+        };
+        let (what, remedy) = match of {
             Wrong::Unit => (
-                format!("as if its torque were {needed:.3} times as large"),
+                of_torque(&format!("as if its torque were {needed:.3} times as large")),
                 format!(
                     "in the mapping file, [joint.{name}], {signal}: check its scale (amperes, per cent, gear side); if that is right, the \
                      file's masses are {needed:.3} times the robot's"
                 ),
             ),
             Wrong::Masses => (
-                format!(
+                of_torque(&format!(
                     "in the torque as it was recorded, for other joints' torques fit their masses, and as if its masses were {:.3} of the \
                      file's",
                     needed.recip()
-                ),
+                )),
                 format!(
                     "check masses and centres of the links that it carries; if they are right, in the mapping file, [joint.{name}], \
                      {signal}: multiply its scale by {needed:.3}"
+                ),
+            ),
+            Wrong::Load => (
+                format!(
+                    "what its torque sensor says that it carries explains {signal} by {ahead_nats:.0} nats better than what the file's \
+                     bodies need: its motor and gear are judged by the difference of the two torques, and nothing is said of its link"
+                ),
+                format!(
+                    "check its masses and what else pulls at it; to see what they leave, leave {signal} out of the mapping file"
                 ),
             ),
         };
         Some(DataFinding {
             joint: Some(name.to_owned()),
             severity: "warning".to_owned(),
-            what: format!(
-                "{signal} is {:.3} times what the file's masses and friction need, by {ahead_nats:.0} nats a better explanation than any \
-                 names; no torque constant is so far off. The joint is judged {judged}",
-                needed.recip()
-            ),
+            what,
             remedy,
         })
     }
@@ -457,11 +495,35 @@ impl Joint {
                     } else {
                         ", and it leaves less where the controller brakes the whole velocity, not its difference from the reference's"
                     },
-                    late_reference(robot, self.index),
+                    late_reference(robot, self.index, self.rows.recorded_hz),
                 ),
                 "",
             )),
             TorqueSource::Drive | TorqueSource::Command => {}
+        }
+        let gap_nm = self.rows.seen.gap_nm();
+        let square = gap_nm.iter().map(|x| x * x).sum::<f64>();
+        if self.rows.fast_nm > (square / gap_nm.len().max(1) as f64).sqrt() {
+            notes.push(note(
+                "note",
+                format!(
+                    "{:.3e} Nm rms of its torque is faster than {COMPARED_HZ:.0} Hz, more than its gap is below: noise, or what repeats with the \
+                     motor's turn, of which nothing is said",
+                    self.rows.fast_nm
+                ),
+                "to see a ripple or cogging, record the joint as it turns slowly",
+            ));
+        }
+        if self.rows.at_limit_part > 0.0 {
+            notes.push(note(
+                "warning",
+                format!(
+                    "in {:.1} % of the rows the controller asks for more than the drive's limit: those, and what the band mixes with them, \
+                     do not count",
+                    100.0 * self.rows.at_limit_part
+                ),
+                "record a motion that the drive can follow, or its torque",
+            ));
         }
         if self.source == TorqueSource::Controller && file.torque_limit_nm.is_none() {
             let torque_nm = self.rows.seen.measured_nm.iter();

@@ -420,11 +420,13 @@ fn joints(robot: &Robot, read: &[Read], pieces: &[Piece]) -> Result<Vec<Joint>, 
                 return Ok(None);
             };
             let rows = JointRows::of(robot, index, source, pieces, &torques)?;
+            let of_gear = JointRows::beside_its_sensor(robot, index, pieces, &torques)?;
             Ok(rows.map(|rows| Joint {
                 index,
                 source,
                 drive: Drive::of(robot, index, source),
                 misfit: None,
+                of_gear,
                 rows,
             }))
         })

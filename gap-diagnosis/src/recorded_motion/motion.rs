@@ -1,6 +1,7 @@
 //! The recorded motion of the whole arm and the torque of each joint, at a constant rate and band-limited.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use gap_report::TorqueSource;
 use joint_model::filter::FilterError;
@@ -45,13 +46,21 @@ pub struct JointMotion {
     pub late_nm_s: Option<Vec<f64>>,
     /// What was commanded, where that is beside the torque.
     pub command_nm: Option<Vec<f64>>,
+    /// What a sensor behind the gear measures, where that is beside the drive's torque and has no holes of its own.
+    pub sensor_nm: Option<Vec<f64>>,
     /// Noise of the torque from sample to sample, if it is alike at all frequencies.
     pub noise_nm: f64,
+    /// What of the torque is faster than the band that is compared, root mean square while the joint moves; nothing of one that a controller
+    /// makes of positions, whose steps it has.
+    pub fast_nm: f64,
     /// Step of the encoder, on the side it was read; none where the values show none.
     pub step_rad: Option<f64>,
     /// Samples a second of the recording.
     pub recorded_hz: f64,
-    /// Whether the row was measured.
+    /// Part of the recording's rows in which a controller asks for more than its drive gives. What that gives then tells of its limit, not of
+    /// what the joint needs: the rows are not whole.
+    pub at_limit_part: f64,
+    /// Whether the row was measured, and tells what the joint needs.
     pub is_whole: Vec<bool>,
     /// Whether the joint moves, as far as its encoder can tell.
     pub is_moving: Vec<bool>,
@@ -75,6 +84,8 @@ pub struct Read {
     pub position: Option<Signal>,
     /// Its torque.
     pub torque: Option<TorqueSource>,
+    /// Whether a sensor behind the gear measures beside the drive's torque.
+    pub has_sensor_beside: bool,
 }
 
 impl Piece {
@@ -96,7 +107,7 @@ impl Piece {
     }
 
     /// Rows that count: not those near the ends.
-    pub fn counted(&self) -> std::ops::Range<usize> {
+    pub fn counted(&self) -> Range<usize> {
         let end = (END_S * self.rate_hz) as usize;
         end..self.rows().saturating_sub(end).max(end)
     }
@@ -203,6 +214,7 @@ fn joint(
     };
     let mut rate_feed_nm = None;
     let mut late_nm_s = None;
+    let mut at_limit_part = 0.0;
     let torque_nm = match read.torque {
         Some(TorqueSource::Drive) => torque(Signal::MotorTorqueNm, ratio)?,
         Some(TorqueSource::Command) => torque(Signal::CommandTorqueNm, ratio)?,
@@ -214,7 +226,19 @@ fn joint(
             if rate_rad_s.is_none() {
                 rate_feed_nm = rate_feed(robot, index, &reference_rad, rate_hz);
             }
-            controlled(robot, index, &reference_rad, &raw_rad, rate_rad_s, rate_hz)
+            let asked = asked(robot, index, &reference_rad, &raw_rad, rate_rad_s, rate_hz);
+            let limit_nm = limit_nm(robot, index);
+            asked.map(|asked_nm| {
+                let is_beyond: Vec<bool> = asked_nm.iter().map(|nm| nm.abs() > limit_nm).collect();
+                at_limit_part = part(&is_beyond);
+                // the band's filter goes over the rows both ways
+                for (row, is_whole) in is_whole.iter_mut().enumerate() {
+                    let rows = near(row, COMPARED_HZ.recip(), rate_hz, is_beyond.len());
+                    *is_whole &= !is_beyond[rows].contains(&true);
+                }
+                let within = asked_nm.iter().map(|nm| nm.clamp(-limit_nm, limit_nm));
+                within.collect()
+            })
         }
         None => None,
     };
@@ -222,6 +246,14 @@ fn joint(
         && columns.signals.contains_key(&Signal::CommandTorqueNm);
     let command_nm = if has_command {
         Some(of(Signal::CommandTorqueNm, ratio)?.0)
+    } else {
+        None
+    };
+    let sensor_nm = if read.has_sensor_beside {
+        let (sensor_nm, whole) = of(Signal::JointTorqueNm, 1.0)?;
+        let mut both = is_whole.iter().zip(whole);
+        both.all(|(torque, sensor)| sensor || !torque)
+            .then_some(sensor_nm)
     } else {
         None
     };
@@ -237,10 +269,26 @@ fn joint(
     let step_rad = recording::step(&raw_rad);
     let velocity_rad_s = derivative(&smooth_rad, 1.0 / rate_hz);
     let moving = is_moving(&raw_rad, &velocity_rad_s, step_rad, rate_hz);
+    let measured_nm = torque_nm
+        .as_ref()
+        .filter(|_| read.torque != Some(TorqueSource::Controller));
+    let fast_nm = match measured_nm {
+        Some(all_nm) => {
+            let slow_nm = Band::of(rate_hz, up_to(COMPARED_HZ, rate_hz)).limit(all_nm)?;
+            let counts = |row: &usize| is_whole[*row] && moving[*row];
+            let rows: Vec<usize> = (0..all_nm.len()).filter(counts).collect();
+            let square = rows
+                .iter()
+                .map(|row| (all_nm[*row] - slow_nm[*row]).powi(2));
+            (square.sum::<f64>() / rows.len().max(1) as f64).sqrt()
+        }
+        None => 0.0,
+    };
     Ok(JointMotion {
         // the piece's
         time_s: Vec::new(),
         noise_nm: noise_nm.unwrap_or(0.0),
+        fast_nm,
         step_rad: step_rad.map(|step_rad| step_rad / scale.abs()),
         recorded_hz: rate_hz,
         velocity_rad_s: thinned(&velocity_rad_s, every),
@@ -250,6 +298,8 @@ fn joint(
         rate_feed_nm: limited(rate_feed_nm)?,
         late_nm_s: limited(late_nm_s)?,
         command_nm: limited(command_nm)?,
+        sensor_nm: limited(sensor_nm)?,
+        at_limit_part,
         is_whole: is_whole.into_iter().step_by(every).collect(),
         is_moving: moving.into_iter().step_by(every).collect(),
     })
@@ -275,23 +325,31 @@ fn is_moving(
         return vec![false; position_rad.len()];
     }
     let time_s = time_s.max(MOTION_HZ.recip());
-    let near = |row: usize, time_s: f64| {
-        let around = (0.5 * time_s * rate_hz).ceil() as usize;
-        row.saturating_sub(around)..(row + around + 1).min(position_rad.len())
-    };
-    let stands: Vec<bool> = (0..position_rad.len())
+    let rows = position_rad.len();
+    let stands: Vec<bool> = (0..rows)
         .map(|row| {
             let ends = (f64::INFINITY, f64::NEG_INFINITY);
-            let (least, most) = position_rad[near(row, time_s)]
+            let (least, most) = position_rad[near(row, time_s, rate_hz, rows)]
                 .iter()
                 .fold(ends, |(least, most), rad| (least.min(*rad), most.max(*rad)));
             most - least <= still_rad
         })
         .collect();
     // the band's filter goes over the rows both ways
-    (0..position_rad.len())
-        .map(|row| !near(row, COMPARED_HZ.recip()).any(|row| stands[row]))
+    (0..rows)
+        .map(|row| !near(row, COMPARED_HZ.recip(), rate_hz, rows).any(|row| stands[row]))
         .collect()
+}
+
+/// Rows about one, within half of a time to either side.
+fn near(row: usize, time_s: f64, rate_hz: f64, rows: usize) -> Range<usize> {
+    let around = (0.5 * time_s * rate_hz).ceil() as usize;
+    row.saturating_sub(around)..(row + around + 1).min(rows)
+}
+
+fn part(is_so: &[bool]) -> f64 {
+    let count = is_so.iter().filter(|is_so| **is_so).count();
+    count as f64 / is_so.len().max(1) as f64
 }
 
 fn thinned(values: &[f64], every: usize) -> Vec<f64> {
@@ -303,9 +361,9 @@ fn velocity_reference(columns: &JointColumns, grid: &Grid) -> Option<Vec<f64>> {
     Some(grid.sample(values, 1.0).0)
 }
 
-/// Torque that the robot file's controller makes, joint side: `kp·(reference - q) + kd·(reference rate - q̇)`, cut off at the drive's
-/// limit, from the sample at which it acts.
-fn controlled(
+/// Torque that the robot file's controller asks for, joint side: `kp·(reference - q) + kd·(reference rate - q̇)`, from the sample at which
+/// it acts.
+fn asked(
     robot: &Robot,
     joint: usize,
     reference_rad: &[f64],
@@ -314,10 +372,6 @@ fn controlled(
     rate_hz: f64,
 ) -> Option<Vec<f64>> {
     let control = controller(robot)?;
-    let file = &robot.joints[joint];
-    let limit_nm = file
-        .torque_limit_nm
-        .map_or(f64::INFINITY, |limit_nm| limit_nm * file.gear_ratio.abs());
     let rate_rad_s = rate_rad_s.unwrap_or_else(|| derivative(reference_rad, 1.0 / rate_hz));
     let velocity_rad_s = derivative(position_rad, 1.0 / rate_hz);
     let [kp, kd] = [
@@ -328,9 +382,16 @@ fn controlled(
     let torque_nm = rows.map(|k| {
         let spring_nm = kp * (reference_rad[k] - position_rad[k]);
         let damper_nm = kd * (rate_rad_s[k] - velocity_rad_s[k]);
-        (spring_nm + damper_nm).clamp(-limit_nm, limit_nm)
+        spring_nm + damper_nm
     });
     Some(torque_nm.collect())
+}
+
+/// What a joint's drive gives at most, joint side.
+fn limit_nm(robot: &Robot, joint: usize) -> f64 {
+    let file = &robot.joints[joint];
+    file.torque_limit_nm
+        .map_or(f64::INFINITY, |limit_nm| limit_nm * file.gear_ratio.abs())
 }
 
 /// Noise of the controller's torque, joint side: what it makes of the position's.

@@ -64,6 +64,12 @@ pub struct JointRows {
     pub inertia_kg_m2: f64,
     /// Noise of the torque within the band, if it is alike at all frequencies.
     pub noise_nm: f64,
+    /// What of the torque is faster than the band, root mean square: the most of any piece.
+    pub fast_nm: f64,
+    /// Rows a second of the recording.
+    pub recorded_hz: f64,
+    /// Part of the recorded rows that do not count, as a controller asked for more than its drive gives.
+    pub at_limit_part: f64,
 }
 
 /// What one piece gives to a joint's rows.
@@ -161,6 +167,13 @@ impl JointRows {
         };
         let gravity_part = gravity_part(robot, joint, pieces);
         let laws = Law::of_joint(speed_rad_s, true, gravity_part);
+        let recorded = pieces.iter().map(|piece| piece.joints[joint].at_limit_part);
+        let weight = pieces.iter().map(|piece| piece.rows() as f64);
+        rows.at_limit_part = recorded
+            .zip(weight.clone())
+            .map(|(part, rows)| part * rows)
+            .sum::<f64>()
+            / weight.sum::<f64>();
         rows.laws = laws
             .iter()
             .map(|law| (*law, vec![Vec::new(); law.amplitudes()]))
@@ -173,6 +186,8 @@ impl JointRows {
             }
             let band_part = 2.0 * piece.compared_hz() / motion.recorded_hz;
             rows.noise_nm = rows.noise_nm.max(motion.noise_nm * band_part.sqrt());
+            rows.fast_nm = rows.fast_nm.max(motion.fast_nm);
+            rows.recorded_hz = motion.recorded_hz;
             let piece_of = Kept {
                 piece,
                 band: Band::of(piece.rate_hz, piece.compared_hz()),
@@ -199,6 +214,32 @@ impl JointRows {
             rows.offer(source, &kept)?;
         }
         Ok(Some(rows))
+    }
+
+    /// The same joint, of which its torque sensor tells what it carries; none where it has none beside the drive's torque. What a link
+    /// needs the sensor has felt: laws of it are none of this joint's.
+    ///
+    /// # Errors
+    /// [`FilterError`].
+    pub fn beside_its_sensor(
+        robot: &Robot,
+        joint: usize,
+        pieces: &[Piece],
+        torques: &[Torques],
+    ) -> Result<Option<Self>, FilterError> {
+        let both = pieces.iter().zip(torques).map(|(piece, torques)| {
+            let sensor_nm = piece.joints[joint].sensor_nm.as_deref()?;
+            Some(torques.carried_as(joint, sensor_nm))
+        });
+        let Some(carried) = both.collect::<Option<Vec<_>>>() else {
+            return Ok(None);
+        };
+        let rows = Self::of(robot, joint, TorqueSource::Drive, pieces, &carried)?;
+        Ok(rows.map(|mut rows| {
+            rows.laws
+                .retain(|(law, _)| !matches!(law, Law::LinkInertia | Law::Gravity | Law::Spring));
+            rows
+        }))
     }
 
     /// A joint that nothing drives tells its friction over its masses, and nothing of those: all masses that are none would leave no
@@ -258,6 +299,7 @@ impl JointRows {
         let all = measured.chain(&mut rows.command_nm).chain(&mut rows.untold);
         all.flatten().for_each(|torque| *torque *= size_nm);
         rows.noise_nm *= size_nm;
+        rows.fast_nm *= size_nm;
         let laws = std::mem::take(&mut rows.laws);
         let (constant, laws): (Vec<_>, Vec<_>) = laws
             .into_iter()

@@ -55,7 +55,9 @@ pub fn searched(
         .iter()
         .on_all_cores(|joint| {
             let alone = joint.searched(None);
-            let other = joint.in_another_unit(&alone);
+            let other = joint
+                .in_another_unit(&alone)
+                .or_else(|| joint.beside_its_sensor(&alone));
             progress(Progress {
                 done: done.fetch_add(1, Ordering::Relaxed) + 1,
                 of: robot.joints.len(),

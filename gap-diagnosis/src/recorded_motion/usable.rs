@@ -123,12 +123,12 @@ impl Usable {
         let position = (!nothing)
             .then(|| signals::position(columns, is_bad, signals::controller(robot)))
             .flatten();
-        let torque = if nothing {
-            None
+        let torques = if nothing {
+            Vec::new()
         } else {
-            let all = signals::torques(robot, columns, is_bad);
-            all.first().copied()
+            signals::torques(robot, columns, is_bad)
         };
+        let torque = torques.first().copied();
         let against = if nothing {
             Some("no recording has the joint".to_owned())
         } else {
@@ -150,15 +150,26 @@ impl Usable {
             });
             decided.or_else(|| {
                 torque.is_none().then(|| {
-                    "nothing tells its torque: no motor_torque_nm, joint_torque_nm or command_torque_nm, and the robot file's \
-                     [control] does not tell how reference and position make one"
-                        .to_owned()
+                    let mut columns = columns.iter();
+                    let has_current =
+                        columns.any(|of| of.measured(Signal::MotorCurrentA).is_some());
+                    let of_current = if has_current {
+                        "; a current does once the mapping file has its column as motor_torque_nm too, with the torque constant as scale"
+                    } else {
+                        ""
+                    };
+                    format!(
+                        "nothing tells its torque: no motor_torque_nm, joint_torque_nm or command_torque_nm, and the robot file's \
+                         [control] does not tell how reference and position make one{of_current}"
+                    )
                 })
             })
         };
         self.read.push(Read {
             position,
             torque: torque.filter(|_| against.is_none()),
+            has_sensor_beside: torque == Some(TorqueSource::Drive)
+                && torques.contains(&TorqueSource::Sensor),
         });
         self.against.push(against);
     }
