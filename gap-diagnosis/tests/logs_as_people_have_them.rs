@@ -417,6 +417,23 @@ fn what_a_torque_sensor_measures_beside_the_motor_is_carried_whatever_the_file_s
 }
 
 #[test]
+fn a_torque_that_comes_long_after_the_position_is_a_warning() {
+    let told_late = |rows: usize| {
+        let mut log = plain();
+        log.torque_nm.rotate_right(rows);
+        let time_s = log.time_s.clone();
+        told(&robot(""), recording(time_s, as_recorded(log)))
+    };
+    let is_told_late = |report: &Report| {
+        let mut all = report.data.iter();
+        all.any(|finding| finding.what.contains("after the position"))
+    };
+    // 40 ms
+    assert!(is_told_late(&told_late(20)));
+    assert!(!is_told_late(&told_late(0)));
+}
+
+#[test]
 fn lost_rows_are_bridged() {
     let (robot, log) = behind_the_gear();
     // bursts of one to three rows of 40

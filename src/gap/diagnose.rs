@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use super::beside::{Beside, beside};
 use super::page;
-use super::page::words::{sentence, verdict_in_words};
+use super::page::words::{sentence, verdict_in_words, with_value};
 use crate::cli::GapDiagnoseArguments;
 use crate::error::CliError;
 use crate::output::{cannot_write, print, write_json, write_text};
@@ -206,14 +206,8 @@ fn told_once(findings: &[DataFinding]) -> Vec<(&DataFinding, Vec<&str>)> {
 
 fn row(report: &Report, joint: &JointReport) -> [String; 7] {
     let mut effects = page::with_shares(report, joint);
-    let minor: Vec<&str> = joint
-        .minor_effects
-        .iter()
-        .map(|found| found.effect.as_str())
-        .collect();
-    if !minor.is_empty() {
-        effects.push(format!("minor: {}", minor.join(", ")));
-    }
+    let minor = joint.minor_effects.iter();
+    effects.extend(minor.map(|found| format!("minor: {}", with_value(found))));
     effects.extend(page::unit_taken(joint));
     let torque = &joint.gap.torque_rms_nm;
     [

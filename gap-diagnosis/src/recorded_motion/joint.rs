@@ -7,6 +7,7 @@ use robot::{EffectKind, Robot};
 
 use super::dynamics::Drive;
 use super::laws::{self, Law};
+use super::motion::apart_s;
 use super::rows::JointRows;
 use super::shared::Prior;
 use super::signals::controller;
@@ -446,6 +447,30 @@ impl Joint {
                  leave less, so that neither is to be believed"
             ),
             remedy: "check the file's masses and inertias, and the torque's unit, sign and joint".to_owned(),
+        })
+    }
+
+    /// That torque and position are farther apart in time than drives and sensors make them. `searched`: what is told.
+    pub fn note_of_clock(&self, name: &str, searched: &Searched) -> Option<DataFinding> {
+        // an unknown unit comes before the time
+        let has_unit = self.misfit.is_some_and(|misfit| misfit.of != Wrong::Load);
+        let place = searched.links + self.rows.tolerated.len() + usize::from(has_unit);
+        let values = searched.evidence.values_beside(searched.sets[0].names);
+        let deviations = *values.get(place)?;
+        let signal = self.source.signal_name();
+        // to first order, which is too little where it is long
+        (deviations.abs() > DEVIATIONS).then(|| DataFinding {
+            joint: Some(name.to_owned()),
+            severity: "warning".to_owned(),
+            what: format!(
+                "{signal} comes at least {:.0} ms {} the position, {:.1} standard deviations of what rows, drives and sensors are apart: \
+                 friction and inertia may be off by it",
+                1e3 * deviations.abs() * apart_s(self.rows.recorded_hz),
+                if deviations < 0.0 { "after" } else { "before" },
+                deviations.abs()
+            ),
+            remedy: "record both at the same instant, or filter both alike; else move one of the two columns by that time"
+                .to_owned(),
         })
     }
 

@@ -127,6 +127,13 @@ pub fn diagnose(
             };
             all.retain(|found| found.causes().all(may_be));
         };
+        let best = &all[0];
+        let Arm { joints, alone } = &arms[best.arm];
+        for ((joint, alone), with) in joints.iter().zip(alone).zip(&best.with) {
+            let name = &robot.joints[joint.index].name;
+            let searched = with.as_ref().unwrap_or(alone);
+            report.data.extend(joint.note_of_clock(name, searched));
+        }
         let late = shared::late(robot, &arms, &all[0]);
         report.data.extend(late.as_ref().map(note_of_late));
         let probability = probabilities(&all);

@@ -424,6 +424,11 @@ fn late(robot: &Robot, joint: usize, reference_rad: &[f64], rate_hz: f64) -> Opt
     Some(rate_rad_s.iter().map(|rate| kp * rate).collect())
 }
 
+/// Standard deviation of the time by which torque and position of a recording may be apart.
+pub fn apart_s(recorded_hz: f64) -> f64 {
+    CLOCK_S.hypot(1.0 / recorded_hz)
+}
+
 impl JointMotion {
     /// How far it goes.
     pub fn range_rad(&self) -> f64 {
@@ -436,7 +441,7 @@ impl JointMotion {
 
     /// How a torque at so many rows a second changes by a standard deviation of its samples' time.
     pub fn clock_nm(&self, torque_nm: &[f64], rate_hz: f64) -> Vec<f64> {
-        let apart_s = CLOCK_S.hypot(1.0 / self.recorded_hz);
+        let apart_s = apart_s(self.recorded_hz);
         let rate = derivative(torque_nm, 1.0 / rate_hz);
         rate.iter().map(|rate| apart_s * rate).collect()
     }

@@ -61,7 +61,7 @@ fn shape(
 ) -> Result<(Shape, Isometry3<f64>), RobotError> {
     if geom.attribute("mesh").is_some() || matches!(kind, "mesh" | "sdf") {
         return Err(geom.element.invalid(
-            "the inertia of a mesh is not computed; give the body an <inertial>, as MuJoCo writes it when it saves a model",
+            "the inertia of a mesh is not computed; give the body an <inertial>, as MuJoCo writes it when it saves a model with <compiler saveinertial=\"true\"/>",
         ));
     }
     let size = geom.list("size")?.unwrap_or_default();
