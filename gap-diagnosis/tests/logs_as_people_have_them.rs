@@ -417,6 +417,22 @@ fn what_a_torque_sensor_measures_beside_the_motor_is_carried_whatever_the_file_s
 }
 
 #[test]
+fn a_sensor_beside_the_motor_of_a_joint_as_its_file_says_is_not_asked() {
+    let (_, behind) = behind_the_gear();
+    let carried_nm = behind.torque_nm.iter().zip(&behind.friction_nm);
+    let carried_nm: Vec<f64> = carried_nm.map(|(nm, friction)| nm - friction).collect();
+    let log = plain();
+    let time_s = log.time_s.clone();
+    let mut signals = as_recorded(log);
+    signals.push((Signal::JointTorqueNm, carried_nm));
+    let rubs = "effects = [{ effect = \"coulomb_friction\", coulomb_nm = 3.0 }, { effect = \"viscous_friction\", viscous_nm_s_rad = 2.0 }]";
+    let report = told(&robot(rubs), recording(time_s, signals));
+    assert_eq!(report.joints[0].verdict, Verdict::NoGap);
+    let mut notes = report.data.iter();
+    assert!(!notes.any(|note| note.what.contains("its torque sensor says")));
+}
+
+#[test]
 fn a_torque_that_comes_long_after_the_position_is_a_warning() {
     let told_late = |rows: usize| {
         let mut log = plain();

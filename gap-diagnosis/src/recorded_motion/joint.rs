@@ -13,6 +13,7 @@ use super::shared::Prior;
 use super::signals::controller;
 use crate::evidence::arm::{self, AheadOf, Cause};
 use crate::evidence::imitation::{self, Ahead};
+use crate::evidence::told::MATERIALITY;
 use crate::evidence::{DEVIATIONS, Evidence, Fit, Item, Names, Presupposed, Problem, Scored, Span};
 
 /// Part of the torque that nobody can tell: torque transducers and current sensors of class 0.5 are linear to half a per cent.
@@ -297,10 +298,14 @@ impl Joint {
         (ahead_nats >= CERTAIN_NATS).then(|| (Self { misfit, ..other }, searched))
     }
 
-    /// The joint with what its torque sensor says that it carries, where no name explains it with what the file's bodies need and this
-    /// does for certain. `alone`: searched as it was recorded.
+    /// The joint with what its torque sensor says that it carries, where no name explains it with what the file's bodies need, which leaves
+    /// a part of the torque that matters, and this does for certain. `alone`: searched as it was recorded.
     pub fn beside_its_sensor(&self, alone: &Searched) -> Option<(Self, Searched)> {
-        let rows = self.of_gear.clone().filter(|_| alone.sets[0].names == 0)?;
+        let torque_nm = self.rows.seen.measured_nm.iter();
+        let torque: f64 = torque_nm.map(|nm| nm * nm).sum();
+        let left: f64 = alone.sets[0].left.iter().sum();
+        let is_unexplained = alone.sets[0].names == 0 && left > MATERIALITY * torque;
+        let rows = self.of_gear.clone().filter(|_| is_unexplained)?;
         let other = Self {
             rows,
             of_gear: None,
