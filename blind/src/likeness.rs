@@ -203,8 +203,10 @@ mod tests {
                 _ => None,
             })
             .collect();
-        let each: Vec<f64> = [6.0, 0.7, 1.4, 2.1].iter().flat_map(|c| [*c, *c]).collect();
-        assert_eq!(cycles, each.as_slice());
+        let of_law = HARMONICS.map(|harmonic| harmonic * 0.7);
+        let all = [6.0].into_iter().chain(of_law);
+        let each: Vec<f64> = all.flat_map(|cycles| [cycles, cycles]).collect();
+        assert_eq!(cycles, each);
         // a kinematic error's harmonics are one name
         let error = Effect::kinematic_error(1e-4, 2.0, 0.0);
         let together: Vec<usize> = shapes(error, Some(0.7)).iter().map(Vec::len).collect();

@@ -85,7 +85,9 @@ impl Tolerance {
     pub fn within(&self, change_nm: &[f64]) -> Option<Within<'_>> {
         let target = self.taken(change_nm);
         let count = target.len();
-        let mut ridge = self.matrix.trace().max(f64::MIN_POSITIVE);
+        // no deviations are larger than the target over the ridge
+        let most = target.norm() / WITHIN;
+        let mut ridge = self.matrix.trace().max(most).max(f64::MIN_POSITIVE);
         let mut last = None;
         for _ in 0..STEPS {
             let regular = &self.matrix + DMatrix::identity(count, count) * ridge;
