@@ -389,12 +389,16 @@ fn what_a_torque_sensor_is_wrong_by_is_told_as_a_line_of_the_mapping() {
     assert!(told.is_some(), "{:?}", report.data);
 }
 
+/// The log, and what a sensor behind the gear's friction measures beside its motor's torque.
+fn with_a_sensor() -> (Log, Vec<f64>) {
+    let (_, behind) = behind_the_gear();
+    let both = behind.torque_nm.iter().zip(&behind.friction_nm);
+    (plain(), both.map(|(nm, friction)| nm - friction).collect())
+}
+
 #[test]
 fn what_a_torque_sensor_measures_beside_the_motor_is_carried_whatever_the_file_says() {
-    let (_, behind) = behind_the_gear();
-    let mut log = plain();
-    let carried_nm = behind.torque_nm.iter().zip(&behind.friction_nm);
-    let mut carried_nm: Vec<f64> = carried_nm.map(|(nm, friction)| nm - friction).collect();
+    let (mut log, mut carried_nm) = with_a_sensor();
     // a machine that pulls at the link, of which the file knows nothing
     for (k, (motor_nm, carried_nm)) in log.torque_nm.iter_mut().zip(&mut carried_nm).enumerate() {
         let t = k as f64 / RATE_HZ;
@@ -418,10 +422,7 @@ fn what_a_torque_sensor_measures_beside_the_motor_is_carried_whatever_the_file_s
 
 #[test]
 fn a_sensor_beside_the_motor_of_a_joint_as_its_file_says_is_not_asked() {
-    let (_, behind) = behind_the_gear();
-    let carried_nm = behind.torque_nm.iter().zip(&behind.friction_nm);
-    let carried_nm: Vec<f64> = carried_nm.map(|(nm, friction)| nm - friction).collect();
-    let log = plain();
+    let (log, carried_nm) = with_a_sensor();
     let time_s = log.time_s.clone();
     let mut signals = as_recorded(log);
     signals.push((Signal::JointTorqueNm, carried_nm));
@@ -582,18 +583,26 @@ fn a_controller_that_asks_for_more_than_its_drive_gives_does_not_count() {
     // the file's limit is a quarter too high
     let limit_nm = 10.0;
     let log = log_within(limit_nm, |_| 0.0, BEND_RAD);
+    let time_s = log.time_s;
     let signals = vec![
         (Signal::ReferencePositionRad, log.reference_rad),
         (Signal::LinkPositionRad, log.position_rad),
     ];
-    let robot = robot(&format!(
-        "torque_limit_nm = {:?}\n{}",
-        1.25 * limit_nm / RATIO,
-        control()
-    ));
-    let report = told(&robot, recording(log.time_s, signals));
+    let told_with = |limit_nm: f64| {
+        let of_file = format!("torque_limit_nm = {:?}\n{}", limit_nm / RATIO, control());
+        told(&robot(&of_file), recording(time_s.clone(), signals.clone()))
+    };
+    let report = told_with(1.25 * limit_nm);
     is_told(&report);
     warns(&report, "asks for more than the drive's limit");
+    // beyond it all the time
+    let joint = &told_with(0.01).joints[0];
+    assert_eq!(joint.verdict, Verdict::InsufficientData);
+    assert!(
+        joint.reason.contains("more than torque_limit_nm"),
+        "{}",
+        joint.reason
+    );
 }
 
 #[test]

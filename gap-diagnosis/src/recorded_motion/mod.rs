@@ -151,7 +151,7 @@ pub fn diagnose(
             let next = told.next_if(|(joint, _)| joint.index == index);
             let Some((joint, said)) = next else {
                 let why = usable.against[index].clone();
-                let why = why.unwrap_or_else(|| "too few rows without a hole in which it moves, or no further than friction may bend (10 mrad)".to_owned());
+                let why = why.unwrap_or_else(|| too_few(&pieces, index));
                 report.joints.push(insufficient(&file.name, why));
                 continue;
             };
@@ -189,6 +189,23 @@ pub fn diagnose(
     report.data.sort_by_key(DataFinding::rank);
     report.compute_seconds = begin.elapsed().as_secs_f64();
     Ok(Diagnosis { report, traces })
+}
+
+/// Why a joint has too few rows.
+fn too_few(pieces: &[Piece], joint: usize) -> String {
+    let parts = pieces.iter().map(|piece| piece.joints[joint].at_limit_part);
+    let at_limit = parts.fold(0.0, f64::max);
+    let of_limit = if at_limit > 0.0 {
+        format!(
+            "; in {:.0} % its controller asks for more than torque_limit_nm, and those do not count",
+            100.0 * at_limit
+        )
+    } else {
+        String::new()
+    };
+    format!(
+        "too few rows without a hole in which it moves, or no further than friction may bend (10 mrad){of_limit}"
+    )
 }
 
 /// What one delay of all references would explain of what is told as friction. Its size is to first order in what the reference does

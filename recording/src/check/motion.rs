@@ -173,14 +173,14 @@ fn stuck(
     let held = other.and_then(|other| longest_held(recording, column, other));
     let is_torque = matches!(signal, Signal::MotorTorqueNm | Signal::JointTorqueNm);
     // of a drive that was switched off before the joint moved the first rows have another one
-    let is_one_value = || {
+    let is_nearly_one_value = || {
         let there: Vec<f64> = column.iter().copied().filter(|nm| nm.is_finite()).collect();
-        let ends = [ODD, 1.0 - ODD].map(|part| quantile(there.clone(), part));
-        span(column) == 0.0 || is_torque && ends[0] == ends[1]
+        let [low, high] = [ODD, 1.0 - ODD].map(|part| quantile(there.clone(), part));
+        low.is_some() && low == high
     };
     let what = if let Some((held_s, at_s)) = held {
         format!("keeps one value for {held_s:.3} s from {at_s:.3} s on, while the joint moves")
-    } else if is_one_value() {
+    } else if span(column) == 0.0 || is_torque && is_nearly_one_value() {
         "keeps one value while the joint moves".to_owned()
     } else {
         return None;

@@ -112,10 +112,9 @@ fn reversed_sensor(
         return None;
     }
     // if it is the sensor that is reversed
-    let taken = stretches.iter().map(|at| {
-        let lost_nm = motor_sign * mean(motor, at) - part * motor_sign * mean(sensor, at);
-        lost_nm * at.speed
-    });
+    let taken = stretches
+        .iter()
+        .map(|at| motor_sign * (mean(motor, at) - part * mean(sensor, at)) * at.speed);
     let taken: f64 = taken.filter(|power| power.is_finite()).sum();
     Some(if taken < 0.0 && motor_sign > 0.0 {
         reversed(Signal::MotorTorqueNm, Signal::JointTorqueNm)
