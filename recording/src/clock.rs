@@ -389,12 +389,35 @@ pub(crate) fn time_column(name: &str) -> Option<Option<UnitsPerSecond>> {
     matches!(
         words,
         ["t" | "time" | "timestamp" | "stamp" | "ts" | "zeit" | "datetime" | "timestamps"]
-            | ["time" | "unix" | "date", "stamp" | "time"]
+            | ["time" | "date", "stamp" | "time"]
+            | ["unix", "stamp"]
             | ["elapsed", "time"]
             | ["elapsed"]
     )
     .then_some(unit)
+    .or_else(|| {
+        matches!(words, [whose, "time" | "timestamp"] if CLOCKS.contains(whose)).then_some(unit)
+    })
 }
+
+/// Whose clock a time is of; none of these is said of how long something takes.
+const CLOCKS: &[&str] = &[
+    "pi",
+    "ros",
+    "sys",
+    "system",
+    "host",
+    "pc",
+    "cpu",
+    "mcu",
+    "unix",
+    "epoch",
+    "rel",
+    "relative",
+    "log",
+    "robot",
+    "controller",
+];
 
 fn unit_of_time(word: &str) -> Option<UnitsPerSecond> {
     Some(match word {
@@ -408,17 +431,26 @@ fn unit_of_time(word: &str) -> Option<UnitsPerSecond> {
     })
 }
 
-/// The one of these columns that is the time by its name: the only one, or the only one that tells its unit too. One that is called
-/// by the unit alone is where there is no other: it may be a part of a time, as `sec` beside `nanosec` is.
+/// The one of these columns that is the time by its name: the only one, or the only one that tells its unit too. One that says whose
+/// clock it is, and one that is called by the unit alone, is where there is no other: that may be a part of a time, as `sec` beside
+/// `nanosec` is.
 pub(crate) fn only_time_column<'a>(
     names: impl Iterator<Item = &'a str>,
 ) -> Option<(usize, Option<UnitsPerSecond>)> {
-    let times = names.enumerate();
-    let (units, times): (Vec<_>, Vec<_>) = times
-        .filter_map(|(column, name)| Some((name, (column, time_column(name)?))))
-        .partition(|(name, _)| unit_of_time(&words(name).concat()).is_some());
-    let times = if times.is_empty() { units } else { times };
-    let times: Vec<_> = times.into_iter().map(|(_, time)| time).collect();
+    let mut by_rank: [Vec<(usize, Option<UnitsPerSecond>)>; 3] = Default::default();
+    for (column, name) in names.enumerate() {
+        let Some(unit) = time_column(name) else {
+            continue;
+        };
+        let words = words(name);
+        let says_whose = || words.iter().any(|word| CLOCKS.contains(&&**word));
+        let rank = match unit_of_time(&words.concat()) {
+            Some(_) => 2,
+            None => usize::from(says_whose()),
+        };
+        by_rank[rank].push((column, unit));
+    }
+    let times = by_rank.into_iter().find(|times| !times.is_empty())?;
     let mut with_unit = times.iter().filter(|(_, unit)| unit.is_some());
     match (&times[..], with_unit.next(), with_unit.next()) {
         ([time], _, _) | (_, Some(time), None) => Some(*time),
@@ -558,6 +590,8 @@ mod tests {
             ("milliseconds", Some(UnitsPerSecond::MILLISECONDS)),
             ("ElapsedMilliseconds", Some(UnitsPerSecond::MILLISECONDS)),
             ("DateTime", None),
+            ("pi_time", None),
+            ("rosTimestamp_ns", Some(UnitsPerSecond::NANOSECONDS)),
         ] {
             assert_eq!(time_column(name), Some(unit), "{name}");
         }
@@ -571,7 +605,9 @@ mod tests {
         // a part of a second beside the time, and times in two parts
         assert_eq!(only(&["ms", "t"]), Some(1));
         assert_eq!(only(&["sec", "nanosec"]), None);
-        for other in ["s", "torque", "time_constant", "q", ""] {
+        assert_eq!(only(&["ros_time", "q", "time"]), Some(2));
+        assert_eq!(only(&["ros_time", "pi_time"]), None);
+        for other in ["s", "torque", "time_constant", "loop_time", "q", ""] {
             assert_eq!(time_column(other), None, "{other}");
         }
     }

@@ -229,7 +229,7 @@ pub enum ReadProblem {
     },
     /// A clock that jumped, or rows of several trajectories without a segment column.
     #[error(
-        "{place}: time runs backwards, from {previous_s} s to {time_s} s; where a new trajectory begins, say so with a `segment` column"
+        "{place}: time runs backwards, from {previous_s} s to {time_s} s; where a new trajectory begins, say so with a `segment` column, and where rows were written out of order, sort them by time"
     )]
     TimeBackwards {
         /// Line, row or cycle.

@@ -39,9 +39,10 @@ const POSITION: &[&str] = &[
     "q",
     "qpos",
     "theta",
-    "state",
     "jointpos",
 ];
+/// A position where nothing else says what the state is of.
+const STATE: &str = "state";
 const VELOCITY: &[&str] = &[
     "velocity",
     "velocities",
@@ -56,7 +57,7 @@ const VELOCITY: &[&str] = &[
     "dot",
 ];
 const TORQUE: &[&str] = &[
-    "torque", "torques", "tau", "effort", "efforts", "moment", "trq", "tq", "tor",
+    "torque", "torques", "tau", "effort", "efforts", "eff", "moment", "trq", "tq", "tor",
 ];
 const CURRENT: &[&str] = &["current", "currents", "amps", "cur"];
 const TEMPERATURE: &[&str] = &["temperature", "temp", "temperatures"];
@@ -76,9 +77,10 @@ const REFERENCE: &[&str] = &[
     "con",
     "goal",
     "setpoint",
-    "action",
+    ACTION,
     "d",
 ];
+const ACTION: &str = "action";
 const MOTOR: &[&str] = &["motor", "mot", "rotor", "drive"];
 const LINK: &[&str] = &["link", "joint", "load", "output"];
 /// Said of measured values, and of nothing else.
@@ -388,6 +390,7 @@ pub(crate) fn meaning_of_slide(name: &str) -> Option<Meaning> {
 
 fn read_name(name: &str, slides: bool) -> Option<Meaning> {
     let (mut quantity, mut is_reference, mut is_motor, mut unit) = (None, false, None, None);
+    let (mut is_state, mut is_action) = (false, false);
     let mut rest = Vec::new();
     for word in words(&spelled(name)) {
         if OF_OTHERS.contains(&&*word) {
@@ -415,8 +418,11 @@ fn read_name(name: &str, slides: bool) -> Option<Meaning> {
         } else if quantity.is_none() && word == "rpm" {
             (quantity, unit) = (Some(Quantity::Velocity), unit_of_word);
             continue;
+        } else if letters == STATE {
+            is_state = true;
         } else if is(REFERENCE) {
             is_reference = true;
+            is_action |= letters == ACTION;
         } else if is(MOTOR) || is(LINK) && number.is_empty() {
             is_motor = Some(is(MOTOR));
         } else if let Some(found) = unit_of_word.filter(|_| quantity.is_some()) {
@@ -448,8 +454,8 @@ fn read_name(name: &str, slides: bool) -> Option<Meaning> {
     }
     // An action with nothing else but a number is where a policy sends the joint.
     let is_number = |word: &String| word.bytes().all(|byte| byte.is_ascii_digit());
-    let is_action = is_reference && name.starts_with("action") && rest.iter().all(is_number);
-    let mut quantity = quantity.or(is_action.then_some(Quantity::Position))?;
+    let is_position = is_state || is_action && rest.iter().all(is_number);
+    let mut quantity = quantity.or(is_position.then_some(Quantity::Position))?;
     // a unit in brackets is one, and knows better than a word: the current of a motor's q axis is no position
     if let Some(written) = in_brackets(name) {
         if NO_JOINTS.contains(&&*written) {
@@ -529,6 +535,10 @@ mod tests {
             ("observation.state", Signal::LinkPositionRad),
             ("action", Signal::ReferencePositionRad),
             ("motor_torque", Signal::MotorTorqueNm),
+            ("motorStatePos", Signal::MotorPositionRad),
+            ("motorStateTor", Signal::MotorTorqueNm),
+            ("motorAction", Signal::ReferencePositionRad),
+            ("eff", Signal::JointTorqueNm),
             ("jointPositions", Signal::LinkPositionRad),
             ("des_dof_pos", Signal::ReferencePositionRad),
         ] {

@@ -291,6 +291,21 @@ fn a_file_has_one_decimal_mark() {
 }
 
 #[test]
+fn what_an_instrument_writes_before_the_names_is_passed_over() {
+    let log = Log::new(
+        "Rig 7\nSerial,1234\n\npi_time [ms],j.motor_torque_nm,mode\n0,1.5,on\n10,2.5,on\n",
+    );
+    let recording = log.read();
+    assert_eq!(recording.time_s, [0.0, 0.01]);
+    assert_eq!(
+        recording.signal("j", Signal::MotorTorqueNm).unwrap(),
+        [1.5, 2.5]
+    );
+    let wrong = "Rig 7\n\ntime_s,j.motor_torque_nm\n0,1.5\n0.1,x\n";
+    assert!(Log::new(wrong).refusal().starts_with("line 5, column"));
+}
+
+#[test]
 fn refusals_say_where_and_what_to_change() {
     let header = "time_s,segment,j.motor_torque_nm\n";
     let refusal = |lines: &str| Log::new(header.to_owned() + lines).refusal();

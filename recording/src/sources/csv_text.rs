@@ -11,6 +11,8 @@ const COMMENT: [u8; 2] = [b'#', b'%'];
 /// A line longer than this is handed over in pieces.
 const LINE_BYTES_MAX: u64 = 1 << 20;
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
+/// So many lines are looked at for the one that names the columns: instruments and programs write up to some dozens before it.
+const LINES_AHEAD: usize = 100;
 
 /// What begins a CSV file.
 pub(crate) struct Start {
@@ -45,13 +47,23 @@ impl<R: BufRead> Uncommented<R> {
             at_start: true,
             by_spaces: false,
         };
-        let (mut comments, passed_over) = lines.pass_over_comments()?;
-        let mut first = std::mem::take(&mut lines.line);
-        let (mut second, mut between) = (Vec::new(), 0);
-        if lines.at_start && !first.is_empty() {
-            between = lines.pass_over_comments()?.1;
-            second = std::mem::take(&mut lines.line);
+        let (mut comments, mut passed_over) = lines.pass_over_comments()?;
+        let mut ahead = vec![(0, std::mem::take(&mut lines.line))];
+        while lines.at_start && ahead.len() < LINES_AHEAD && !ahead[ahead.len() - 1].1.is_empty() {
+            let between = lines.pass_over_comments()?.1;
+            ahead.push((between, std::mem::take(&mut lines.line)));
         }
+        let preamble = preamble(&ahead);
+        if preamble > 0 {
+            comments.clear();
+        }
+        for (between, _) in ahead.drain(..preamble) {
+            passed_over += between + 1;
+        }
+        let mut ahead = ahead.into_iter();
+        let (before, first) = ahead.next().unwrap_or_default();
+        passed_over += before;
+        let (between, mut second) = ahead.next().unwrap_or_default();
         let delimiter = delimiter(&first, &second);
         lines.by_spaces = delimiter == SPACE;
         let fields = |line: &[u8]| fields(line, delimiter);
@@ -87,21 +99,20 @@ impl<R: BufRead> Uncommented<R> {
             second = b"\n".to_vec();
         }
         if lines.by_spaces {
-            for line in [&mut first, &mut second]
-                .into_iter()
-                .chain(&mut commented_header)
-            {
-                one_space(line, true);
-            }
+            commented_header
+                .iter_mut()
+                .for_each(|line| one_space(line, true));
         }
         // The lines passed over are still to be counted.
-        lines.line = [
-            vec![b'\n'; passed_over],
-            first,
-            vec![b'\n'; between],
-            second,
-        ]
-        .concat();
+        let mut text = vec![b'\n'; passed_over];
+        for (between, mut line) in [(0, first), (between, second)].into_iter().chain(ahead) {
+            if lines.by_spaces {
+                one_space(&mut line, true);
+            }
+            text.extend(std::iter::repeat_n(b'\n', between));
+            text.append(&mut line);
+        }
+        lines.line = text;
         let start = Start {
             unnamed: (commented_header.is_none() && is_row(&names)).then_some(names.len()),
             delimiter,
@@ -192,6 +203,28 @@ fn delimiter(first: &[u8], second: &[u8]) -> u8 {
     // `max_by_key` takes the last of equals, so a line without any delimiter counts as comma-separated.
     let most = DELIMITERS.into_iter().rev().max_by_key(count);
     most.unwrap_or(b',')
+}
+
+/// How many lines stand before the one that names the columns: none, but where all lines from a later one on have as many fields as
+/// that, it has no numbers and those after it have, which no file has that begins with its columns' names or values.
+fn preamble(ahead: &[(usize, Vec<u8>)]) -> usize {
+    let lines: Vec<&[u8]> = ahead.iter().map(|(_, line)| &line[..]).collect();
+    let lines = lines.strip_suffix(&[&[][..]]).unwrap_or(&lines);
+    let begins = |from: usize| {
+        let delimiter = delimiter(lines[from], lines[from + 1]);
+        let parted = lines[from..].iter().map(|line| fields(line, delimiter));
+        let parted: Vec<Vec<String>> = parted.collect();
+        let names = &parted[0];
+        if names.len() < 2 || parted.iter().any(|line| line.len() != names.len()) {
+            return false;
+        }
+        let values = &parted[1 + usize::from(are_units(&parted[1]))..];
+        let are_names = !names.iter().any(|name| is_number(name) && !name.is_empty());
+        let are_rows = !values.is_empty() && values.iter().all(|line| is_mostly_numbers(line));
+        from == 0 || are_names && are_rows
+    };
+    let mut candidates = 0..lines.len().saturating_sub(1);
+    candidates.find(|from| begins(*from)).unwrap_or(0)
 }
 
 /// A line's fields, without quotes and spaces around them.
@@ -344,6 +377,30 @@ mod tests {
             "s,m\n",
         ] {
             assert_eq!(units(other), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn what_stands_before_the_names_is_passed_over_and_still_counted() {
+        let opened = |text: &str| opened(text.as_bytes());
+        let (text, start) =
+            opened("Test rig 3\nSerial,1234\nDate,2021,3\n\nt [s],q1,tau1\n0.0,1,2\n0.1,1,2\n");
+        assert_eq!(text, "\n\n\n\nt [s],q1,tau1\n0.0,1,2\n0.1,1,2\n");
+        assert_eq!((start.delimiter, start.unnamed), (b',', None));
+        let (text, start) = opened("rate: 100\nt;q\ns;deg\n0,0;1,5\n0,1;1,6\n");
+        assert_eq!(text, "\nt;q\n\n0,0;1,5\n0,1;1,6\n");
+        assert_eq!(start.units.unwrap(), ["s", "deg"]);
+        let (text, start) = opened("monday\n t  q1 q2\n 0  1  2\n 1  1  2\n");
+        assert_eq!(text, "\nt q1 q2\n0 1 2\n1 1 2\n");
+        assert_eq!(start.delimiter, b' ');
+        // names too few or too many are an error of the rows, not something before them
+        for whole in [
+            "t,q\n0,1,2\n0,1,2\n",
+            "t,q,mode\n0,1,idle\n0,1,idle\n",
+            "0,1\n0,1,2\n0,1,2\n",
+            "t,q\n0,1\nEND\n",
+        ] {
+            assert_eq!(opened(whole).0, whole);
         }
     }
 
