@@ -204,13 +204,14 @@ fn is_told(report: &Report) {
     assert!((sum - 1.0).abs() < 1e-6, "{sum}");
 }
 
+fn finds(report: &Report, severity: &str, of: &str) -> bool {
+    let mut all = report.data.iter();
+    all.any(|finding| finding.severity == severity && finding.to_string().contains(of))
+}
+
 fn warns(report: &Report, of: &str) {
     let all: Vec<String> = report.data.iter().map(ToString::to_string).collect();
-    let warned = report
-        .data
-        .iter()
-        .any(|finding| finding.severity == "warning" && finding.to_string().contains(of));
-    assert!(warned, "{all:?}");
+    assert!(finds(report, "warning", of), "{all:?}");
 }
 
 #[test]
@@ -576,6 +577,26 @@ fn positions_alone_are_enough_where_the_controller_is_known() {
     let report = told(&known_control(), recording(log.time_s, signals));
     is_told(&report);
     warns(&report, "the robot file states no limit");
+    // 300 Nm/rad for half a row of 500 in a second
+    let late = "half a row late, 1.0 ms, which looks like viscous friction of 0.300 Nm s/rad";
+    assert!(finds(&report, "note", late), "{:?}", report.data);
+}
+
+#[test]
+fn a_torque_that_is_mostly_faster_than_what_is_compared_has_a_note() {
+    let faster = "of its torque is faster than 8 Hz, more than its gap is below";
+    let told_with = |ripple_nm: f64| {
+        let mut log = plain();
+        for (torque_nm, time_s) in log.torque_nm.iter_mut().zip(&log.time_s) {
+            *torque_nm += ripple_nm * (2.0 * std::f64::consts::PI * 40.0 * time_s).sin();
+        }
+        told(&robot(""), recording(log.time_s.clone(), as_recorded(log)))
+    };
+    let quiet = told_with(0.0);
+    assert!(!finds(&quiet, "note", faster), "{:?}", quiet.data);
+    let loud = told_with(10.0);
+    is_told(&loud);
+    assert!(finds(&loud, "note", faster), "{:?}", loud.data);
 }
 
 #[test]
