@@ -178,3 +178,33 @@ fn of_all_that_is_wrong_what_forbids_a_diagnosis_is_told() {
     assert_eq!(errors.trim().lines().count(), 1, "{errors}");
     assert!(errors.contains("stands still"), "{errors}");
 }
+
+#[test]
+fn of_joints_that_stand_and_one_that_lacks_its_torque_the_lack_is_told() {
+    use std::fmt::Write;
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let mut log =
+        "time_s,joint1.motor_position_rad,joint1.motor_torque_nm,joint2.motor_position_rad\n"
+            .to_owned();
+    for row in 0..2000 {
+        let time_s = 0.01 * f64::from(row);
+        let still_nm = 0.01 * f64::from(row % 3);
+        writeln!(
+            log,
+            "{time_s},0.5,{still_nm},{}",
+            50.0 * (1.3 * time_s).sin()
+        )
+        .unwrap();
+    }
+    std::fs::write(at.join("log.csv"), log).unwrap();
+    let diagnose = "gap diagnose --robot pa10 --recording log.csv";
+    let output = flexspline(at, &diagnose.split(' ').collect::<Vec<_>>());
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{errors}");
+    assert_eq!(errors.trim().lines().count(), 1, "{errors}");
+    assert!(
+        errors.contains("joint2") && errors.contains("torque"),
+        "{errors}"
+    );
+}

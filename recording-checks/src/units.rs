@@ -138,6 +138,13 @@ fn left(moving: &[Option<Moving>]) -> Vec<f64> {
     moving.iter().map(left).collect()
 }
 
+/// What is left in another unit; all of a joint that stood: what moves there is its encoder's noise, many times as large.
+fn left_of(stood: &[Option<Moving>], moving: &[Option<Moving>]) -> Vec<f64> {
+    let both = stood.iter().zip(left(moving));
+    both.map(|(before, left)| if before.is_some() { left } else { 1.0 })
+        .collect()
+}
+
 /// A torque that is many times what the rigid bodies and the file's friction need, a small part of it, or against it.
 fn torque(joint: &RobotJoint, columns: &JointColumns, moving: &Moving) -> Option<Told> {
     let made_of = moving.made_of()?;
@@ -285,7 +292,7 @@ struct Tried {
 
 /// Positions in a unit in which the rigid bodies need another torque: of a joint of which one encoder alone tells, or of all.
 fn positions(robot: &Robot, thinned: &Recording, moving: &[Option<Moving>]) -> Option<Told> {
-    let before = left(moving);
+    let (stood, before) = (moving, left(moving));
     let is_alone = |joint: usize| {
         let columns = thinned.joint(&robot.joints[joint].name);
         columns.is_ok_and(|columns| {
@@ -293,8 +300,12 @@ fn positions(robot: &Robot, thinned: &Recording, moving: &[Option<Moving>]) -> O
             there.filter(|of| columns.measured(**of).is_some()).count() == 1
         })
     };
-    let each = (0..before.len()).filter(|joint| before[*joint] > OWN && is_alone(*joint));
-    let all = (before.len() > 1 && before.iter().any(|left| *left > OWN)).then_some(None);
+    let is_off = |joint: &usize| before[*joint] > OWN && stood[*joint].is_some();
+    let joints = 0..before.len();
+    let each = joints
+        .clone()
+        .filter(|joint| is_off(joint) && is_alone(*joint));
+    let all = (before.len() > 1 && joints.clone().any(|joint| is_off(&joint))).then_some(None);
     let which: Vec<Option<usize>> = all.into_iter().chain(each.map(Some)).collect();
     let tried = which.into_iter().flat_map(|joint| {
         let before = &before;
@@ -307,7 +318,7 @@ fn positions(robot: &Robot, thinned: &Recording, moving: &[Option<Moving>]) -> O
             let divided = divided(robot, thinned, joint, factor);
             let stretches = rigid_stretches(&[&divided], robot).ok()?;
             let moving = self::moving(robot, &stretches);
-            let after = left(&moving);
+            let after = left_of(stood, &moving);
             gain(before, &after)?;
             // of joints that it makes right, and not of those that it makes less wrong
             let right = before.iter().zip(&after).filter(|(_, after)| **after < OWN);
@@ -503,6 +514,48 @@ mod tests {
         let tells = found.iter().position(|found| found.what.contains("times"));
         let one = scaled(&right, tells.unwrap(), Signal::MotorTorqueNm, 1000.0);
         assert_eq!(check(&robot, &one).len(), 1);
+    }
+
+    #[test]
+    fn a_joint_that_stands_is_in_no_other_unit_whatever_it_carries() {
+        let mut robot = robot::load("pa10").unwrap();
+        for joint in &mut robot.joints {
+            joint.effects.clear();
+        }
+        let right = swinging(&robot, None);
+        // the shoulder swings, and the elbow carries its forearm as that turns; encoders show some steps of noise
+        let (shoulder, elbow) = (1, 3);
+        let mut standing = right.clone();
+        let count = robot.joints.len();
+        let mut noise = uniform(5);
+        for row in 0..standing.rows() {
+            let moving = |signal| right.joints[shoulder].signals[&signal][row];
+            let ratio = robot.joints[shoulder].gear_ratio;
+            let [mut position, velocity, acceleration, mut torque_nm] =
+                [(); 4].map(|()| vec![0.0; count]);
+            position[shoulder] = moving(Signal::MotorPositionRad) / ratio;
+            robot
+                .chain
+                .inverse_dynamics(&position, &velocity, &acceleration, &mut torque_nm);
+            for joint in [shoulder, elbow] {
+                let ratio = robot.joints[joint].gear_ratio;
+                let signals = &mut standing.joints[joint].signals;
+                signals.get_mut(&Signal::MotorTorqueNm).unwrap()[row] = torque_nm[joint] / ratio;
+            }
+            for joint in (0..count).filter(|joint| *joint != shoulder) {
+                let ratio = robot.joints[joint].gear_ratio;
+                let signals = &mut standing.joints[joint].signals;
+                signals.get_mut(&Signal::MotorPositionRad).unwrap()[row] = 5e-5 * ratio * noise();
+            }
+        }
+        for (joint, columns) in standing.joints.iter_mut().enumerate() {
+            columns.signals.retain(|signal, _| {
+                let is_torque =
+                    *signal == Signal::MotorTorqueNm && [shoulder, elbow].contains(&joint);
+                is_torque || *signal == Signal::MotorPositionRad
+            });
+        }
+        assert_eq!(check(&robot, &standing), []);
     }
 
     #[test]

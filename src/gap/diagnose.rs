@@ -125,19 +125,32 @@ fn diagnosed(
     diagnosed.map_err(CliError::input)
 }
 
-/// Why no joint can be diagnosed, if so: what is wrong with the data of the first, or that it is not there.
+/// Why no joint can be diagnosed, if so: what is wrong with the data of one, or that it is not there. A joint that stands still keeps no
+/// other from being told, so that it comes last.
 pub fn nothing_to_say(report: &Report) -> Option<String> {
-    let all = report
+    let mut joints = report.joints.iter();
+    if !joints.all(|joint| joint.verdict == Verdict::InsufficientData) {
+        return None;
+    }
+    let because = |joint: &JointReport| {
+        let mut findings = report.data.iter();
+        let why = findings.find(|finding| {
+            joint.reason.contains(&finding.what) || finding.what.starts_with(&joint.reason)
+        });
+        let order = match why {
+            Some(finding) if finding.severity == "error" => 0,
+            None => 1,
+            Some(_) => 2,
+        };
+        let reason = || format!("{}: {}", joint.joint, joint.reason);
+        (order, why.map_or_else(reason, ToString::to_string))
+    };
+    let (_, reason) = report
         .joints
         .iter()
-        .all(|joint| joint.verdict == Verdict::InsufficientData);
-    let first = report.joints.first().filter(|_| all)?;
-    let mut findings = report.data.iter();
-    let why = findings.find(|finding| {
-        first.reason.contains(&finding.what) || finding.what.starts_with(&first.reason)
-    });
-    let reason = || format!("{}: {}", first.joint, first.reason);
-    Some(why.map_or_else(reason, ToString::to_string))
+        .map(because)
+        .min_by_key(|(order, _)| *order)?;
+    Some(reason)
 }
 
 /// What the command prints: a sentence, a line a joint, and what is to be known of the data. `beside`: lines about the simulator;
