@@ -452,6 +452,35 @@ fn a_torque_that_comes_long_after_the_position_is_a_warning() {
 }
 
 #[test]
+fn what_the_files_own_values_take_within_their_tolerance_is_said() {
+    let moved = "the robot file's own values, moved within their tolerance";
+    let told_with = |mass: f64| {
+        let right = robot("");
+        let links: Vec<Link> = right
+            .chain
+            .links()
+            .iter()
+            .map(|link| Link {
+                mass_kg: mass * link.mass_kg,
+                ..*link
+            })
+            .collect();
+        let chain = Chain::new(&links, right.chain.gravity_m_s2(), right.chain.tool()).unwrap();
+        let log = plain();
+        told(
+            &Robot { chain, ..right },
+            recording(log.time_s.clone(), as_recorded(log)),
+        )
+    };
+    let right = told_with(1.0);
+    assert!(!finds(&right, "note", moved), "{:?}", right.data);
+    // two standard deviations of what is taken for known where nothing is stated
+    let heavier = told_with(1.04);
+    is_told(&heavier);
+    assert!(finds(&heavier, "note", moved), "{:?}", heavier.data);
+}
+
+#[test]
 fn lost_rows_are_bridged() {
     let (robot, log) = behind_the_gear();
     // bursts of one to three rows of 40

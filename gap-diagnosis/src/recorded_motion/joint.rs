@@ -455,6 +455,36 @@ impl Joint {
         })
     }
 
+    /// That the file's values, within their tolerance, take more of its torque than is left: no name has that, and no mended file.
+    /// `searched`: what is told.
+    pub fn note_of_values(&self, name: &str, searched: &Searched) -> Option<DataFinding> {
+        let links = &self.rows.links[..searched.links];
+        let columns = links.iter().chain(&self.rows.tolerated);
+        let best = &searched.sets[0];
+        let values = searched.evidence.values_beside(best.names);
+        let mut moved_nm = vec![0.0; self.rows.seen.count()];
+        let mut deviations: f64 = 0.0;
+        for (column, value) in columns.zip(&values) {
+            deviations = deviations.max(value.abs());
+            for (nm, of_value) in moved_nm.iter_mut().zip(column) {
+                *nm += value * of_value;
+            }
+        }
+        let rms = |square: f64| (square / moved_nm.len().max(1) as f64).sqrt();
+        let moved_nm = rms(moved_nm.iter().map(|nm| nm * nm).sum());
+        let left_nm = rms(best.left.iter().sum()).hypot(self.spans()[0].floor_nm);
+        (moved_nm > left_nm).then(|| DataFinding {
+            joint: Some(name.to_owned()),
+            severity: "note".to_owned(),
+            what: format!(
+                "the robot file's own values, moved within their tolerance by up to {deviations:.1} standard deviations, take {moved_nm:.3} Nm \
+                 rms of its torque beside what is named, more than is left: `flexspline gap apply` leaves them as they are, so a mended file \
+                 leaves that too"
+            ),
+            remedy: "identify the masses, or whatever friction the file has; or state in parameter_tolerance how well they are known".to_owned(),
+        })
+    }
+
     /// That torque and position are farther apart in time than drives and sensors make them. `searched`: what is told.
     pub fn note_of_clock(&self, name: &str, searched: &Searched) -> Option<DataFinding> {
         // an unknown unit comes before the time

@@ -133,6 +133,7 @@ pub fn diagnose(
             let name = &robot.joints[joint.index].name;
             let searched = with.as_ref().unwrap_or(alone);
             report.data.extend(joint.note_of_clock(name, searched));
+            report.data.extend(joint.note_of_values(name, searched));
         }
         let late = shared::late(robot, &arms, &all[0]);
         report.data.extend(late.as_ref().map(note_of_late));
