@@ -1,7 +1,7 @@
 //! A table put together while its file is read, row by row.
 
 use crate::Signal;
-use crate::clock::{Clock, Instant, spread};
+use crate::clock::{Clock, Instant, mistaken_for_seconds, spread};
 use crate::error::{Place, ReadProblem};
 use crate::table::{JointColumns, Recording, segments};
 use std::path::PathBuf;
@@ -110,6 +110,16 @@ impl TableBuilder {
     ) -> Result<Recording, ReadProblem> {
         let rows = self.rows();
         let segment = fill_segments(&self.segment);
+        if !self.unit_is_unknown
+            && let Some((step_s, unit)) = mistaken_for_seconds(&self.times)
+        {
+            return Err(ReadProblem::TimeUnit {
+                step_s,
+                unit: unit.name(),
+                factor: unit.seconds(),
+                mapping: source_of_rate(),
+            });
+        }
         let mut clock = Clock::new(self.times, !self.unit_is_unknown);
         let joints: Vec<JointColumns> = self
             .joints

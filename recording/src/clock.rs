@@ -333,6 +333,20 @@ pub(crate) fn spread(time_s: &mut [f64], rate_hz: Option<f64>) -> Option<Option<
     Some(quantile(steps, 0.5))
 }
 
+/// The step from row to row and the unit of times that were taken for seconds and are others since 1970, where such steps are no log's.
+pub(crate) fn mistaken_for_seconds(times: &[Instant]) -> Option<(f64, UnitsPerSecond)> {
+    let first = times.first()?;
+    let since_first: Vec<f64> = times.iter().map(|time| time.since(*first)).collect();
+    let step_s = quantile(steps(&since_first).0, 0.5)?;
+    let unit = guess_unit(times);
+    let since_1970 = (1e9..4.2e9).contains(&(first.seconds / unit.count() as f64));
+    (unit != UnitsPerSecond::SECONDS && since_1970 && step_s >= LONGEST_STEP_S)
+        .then_some((step_s, unit))
+}
+
+/// No log of joints has rows that are farther apart.
+const LONGEST_STEP_S: f64 = 100.0;
+
 /// The unit of times that nothing tells: by their size and steps if they are since 1970, else by their steps, as
 /// controllers log from ten to some thousand times a second.
 fn guess_unit(times: &[Instant]) -> UnitsPerSecond {
@@ -359,7 +373,7 @@ fn guess_unit(times: &[Instant]) -> UnitsPerSecond {
     // Nanoseconds since a machine was started look like milliseconds since 1970, but for their steps.
     let since_1970 = UNITS.into_iter().find(|unit| {
         let count = unit.count() as f64;
-        (1e9..4.2e9).contains(&(first / count)) && step / count < 100.0
+        (1e9..4.2e9).contains(&(first / count)) && step / count < LONGEST_STEP_S
     });
     since_1970.unwrap_or(match step {
         step if step < slowest_s => UnitsPerSecond::SECONDS,

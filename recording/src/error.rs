@@ -229,7 +229,8 @@ pub enum ReadProblem {
     },
     /// A clock that jumped, or rows of several trajectories without a segment column.
     #[error(
-        "{place}: time runs backwards, from {previous_s} s to {time_s} s; where a new trajectory begins, say so with a `segment` column, and where rows were written out of order, sort them by time"
+        "{place}: time runs backwards, from {previous_s} s to {time_s} s; where a new trajectory begins, say so with a `segment` column, \
+         and where rows were written out of order, sort them by time"
     )]
     TimeBackwards {
         /// Line, row or cycle.
@@ -238,6 +239,22 @@ pub enum ReadProblem {
         previous_s: f64,
         /// Of this row.
         time_s: f64,
+    },
+    /// A time in another unit than seconds, which it was said or taken to be in.
+    #[error(
+        "has rows that are {step_s:.3e} s apart, which no log has: as {unit} since 1970 its times would be right; in {}, [columns], multiply \
+         the scale of time_s by {factor:e}",
+        mapping.display()
+    )]
+    TimeUnit {
+        /// From row to row, as it was read.
+        step_s: f64,
+        /// What it is in.
+        unit: &'static str,
+        /// Seconds of one.
+        factor: f64,
+        /// The file that says the scale.
+        mapping: PathBuf,
     },
     /// An infinite value.
     #[error(

@@ -306,6 +306,27 @@ fn what_an_instrument_writes_before_the_names_is_passed_over() {
 }
 
 #[test]
+fn nanoseconds_that_are_mapped_as_seconds_are_refused_with_the_scale() {
+    let text = "TIME,q\n1720085544312973400,0\n1720085544315403100,1\n1720085544317874900,2\n";
+    let mapped = |scale: &str| {
+        let time = format!("time_s = {{ column = 'TIME', scale = {scale} }}");
+        Log::new(text).mapped(&format!(
+            "[columns]\n{time}\n[joint.j]\nlink_position_rad = 'q'"
+        ))
+    };
+    for (scale, factor) in [("1.0", "1e-9"), ("1e-3", "1e-6")] {
+        let refusal = mapped(scale).refusal();
+        assert!(
+            refusal.contains("since 1970 its times would be right; in log.toml, [columns]")
+                && refusal.ends_with(&format!("by {factor}")),
+            "{refusal}"
+        );
+    }
+    let right = mapped("1e-9").read();
+    assert!((right.time_s[1] - 0.002_429_7).abs() < 1e-12);
+}
+
+#[test]
 fn refusals_say_where_and_what_to_change() {
     let header = "time_s,segment,j.motor_torque_nm\n";
     let refusal = |lines: &str| Log::new(header.to_owned() + lines).refusal();

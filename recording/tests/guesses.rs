@@ -573,6 +573,22 @@ fn a_joint_that_may_turn_round_is_not_taken_for_degrees_without_a_question() {
 }
 
 #[test]
+fn an_encoders_counts_are_not_taken_for_degrees_without_a_question() {
+    let counts = |step: f64| {
+        Log::new("q", move |time_s| {
+            let counts = 2048.0 + 1000.0 * swing(time_s).0;
+            vec![(counts / step).round() * step]
+        })
+    };
+    let whole = counts(1.0).guess(&[("elbow", 1.0)]);
+    let found = &whole.columns[0];
+    assert_eq!(found.sure, Sure::Doubtful);
+    assert!(found.why.contains("an encoder's counts"), "{}", found.why);
+    let parts = counts(0.1).guess(&[("elbow", 1.0)]);
+    assert_eq!(parts.columns[0].sure, Sure::Likely);
+}
+
+#[test]
 fn a_torque_at_a_rotor_without_a_gear_is_the_motors() {
     let log = Log::new("q1,tau1", |time_s| vec![swing(time_s).0, 1.0]);
     for (has_rotor, signal) in [

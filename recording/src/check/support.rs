@@ -46,7 +46,8 @@ pub(super) fn check(joint: &JointColumns) -> Vec<Finding> {
             ),
             "map the drive's torque to motor_torque_nm or command_torque_nm",
         ),
-        (false, true) => add(
+        // beside a sensor the command is not what is taken for the torque
+        (false, true) if !has(Signal::JointTorqueNm) => add(
             Finding::note(
                 FindingKind::CommandOnly,
                 "the torque is the commanded one: what the drive makes of it (torque constant, lag, saturation, \

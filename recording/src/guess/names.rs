@@ -233,7 +233,12 @@ impl<'a> Guesser<'a> {
                 far.map(|far| (Sure::Doubtful, why(far))),
             );
         }
-        let (sure, or) = if self.may_turn {
+        let (sure, or) = if are_counts(column) {
+            (
+                Sure::Doubtful,
+                ", or an encoder's counts, which are whole numbers too: 2π over those of a turn is their scale",
+            )
+        } else if self.may_turn {
             (Sure::Doubtful, ", or a joint that turns round in radians")
         } else {
             (Sure::Likely, "")
@@ -411,6 +416,15 @@ fn unnamed_angle(column: &Column, joints: &[GuessJoint]) -> Option<f64> {
         let read = read.filter(|(row, _)| misread.binary_search(row).is_err());
         read.fold(0.0, |farthest: f64, (_, value)| farthest.max(value.abs()))
     })
+}
+
+/// Whether values are whole numbers that go beyond a turn in degrees, as those of encoders of 12 bits do.
+fn are_counts(column: &Column) -> bool {
+    let Values::Numbers(values) = &column.values else {
+        return false;
+    };
+    let read = || values.iter().filter(|value| value.is_finite());
+    read().all(|value| value.fract() == 0.0) && read().any(|value| value.abs() > 360.0)
 }
 
 /// A joint turns once each way at most, but for a motor.
