@@ -4,6 +4,7 @@ use crate::Signal;
 use crate::clock::{Clock, Instant, mistaken_for_seconds, spread};
 use crate::error::{Place, ReadProblem};
 use crate::table::{JointColumns, Recording, segments};
+use crate::ticks;
 use std::path::PathBuf;
 
 /// The rows read so far.
@@ -129,7 +130,8 @@ impl TableBuilder {
         let clock_step_s = if are_samples(&clock.time_s, &joints) {
             spread(&mut clock.time_s, told_rate_hz)
         } else {
-            None
+            let is_sample = |row| is_other(&joints, row);
+            ticks::even_out(&mut clock.time_s, is_sample).map(Some)
         };
         let shown_hz = || match clock_step_s {
             Some(None) => None,
@@ -145,9 +147,7 @@ impl TableBuilder {
         let unit = clock
             .guessed_unit
             .map(|unit| (TIME_UNIT, unit.name().to_owned()));
-        let spread = clock_step_s
-            .flatten()
-            .map(|step_s| (SPREAD, format!("{step_s}")));
+        let spread = clock_step_s.flatten().map(|step_s| (SPREAD, shown(step_s)));
         let metadata = start.into_iter().chain(unit).chain(spread);
         Ok(Recording {
             time_s: clock.time_s,
@@ -181,15 +181,29 @@ impl JointBuilder {
     }
 }
 
+/// A clock's step to four digits: it is a mean of steps.
+fn shown(step_s: f64) -> String {
+    let digits = (3.0 - step_s.log10().floor()).max(0.0) as usize;
+    let text = format!("{step_s:.digits$}");
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text,
+    }
+}
+
 /// Whether rows with the time of the row before are samples of their own: one of a clock's step at least has another value of some signal.
 /// Rows written twice have not, and a row for each joint has other signals.
 fn are_samples(time_s: &[f64], joints: &[JointColumns]) -> bool {
-    let signals = || joints.iter().flat_map(|joint| joint.signals.values());
-    let is_other =
-        |row: &usize| signals().any(|values| (values[*row] - values[*row - 1]).abs() > 0.0);
     let (same, new): (Vec<usize>, Vec<usize>) =
         (1..time_s.len()).partition(|row| time_s[*row] == time_s[*row - 1]);
-    same.into_iter().filter(is_other).count() > new.len()
+    let others = same.into_iter().filter(|row| is_other(joints, *row));
+    others.count() > new.len()
+}
+
+/// Whether a row has another value of some signal than the row before.
+fn is_other(joints: &[JointColumns], row: usize) -> bool {
+    let mut signals = joints.iter().flat_map(|joint| joint.signals.values());
+    signals.any(|values| (values[row] - values[row - 1]).abs() > 0.0)
 }
 
 /// The segments of all rows if any row tells one; rows before the first that does belong to it.

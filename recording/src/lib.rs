@@ -52,6 +52,7 @@ mod signal;
 mod sources;
 mod statistics;
 mod table;
+mod ticks;
 mod window;
 mod wrapped;
 mod writer;

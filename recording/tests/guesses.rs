@@ -195,6 +195,25 @@ fn rows_are_even_between_the_steps_of_a_coarse_clock() {
 }
 
 #[test]
+fn rows_of_a_clock_with_ticks_of_about_a_row_are_evened_out() {
+    let robot = guess_joints(&[("shoulder", 1.0)]);
+    let tick_s = 0.015_625;
+    let log = write_rows(4000, |row| {
+        let time_s = 0.012 * f64::from(row);
+        let told_s = tick_s * (time_s / tick_s).floor();
+        format!("{told_s:.3},{},{},1.0\n", time_s.sin(), time_s.cos())
+    });
+    let (recording, guess) = read_guessing(&log.path(), &robot).unwrap();
+    assert_eq!(recording.metadata["clock_step_s"], "0.01562");
+    assert!((recording.sample_rate_hz * 0.012 - 1.0).abs() < 0.01);
+    for (row, told_s) in recording.time_s.iter().enumerate() {
+        let off_s = told_s - 0.012 * row as f64;
+        assert!(off_s.abs() < 0.2 * tick_s, "row {row}: {off_s}");
+    }
+    assert_eq!(told(&guess.unwrap(), "dq").2, 1.0);
+}
+
+#[test]
 fn a_velocity_tells_the_unit_of_times_that_nothing_else_does() {
     let robot = guess_joints(&[("shoulder", 1.0)]);
     // one row a second, as of a slow joint

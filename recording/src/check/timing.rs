@@ -97,7 +97,7 @@ fn regularity(recording: &Recording, timing: &Timing) -> Vec<Finding> {
     }
     if let Some(step_s) = recording.metadata.get(SPREAD) {
         let what = format!(
-            "the clock's step is {step_s} s, longer than a row; rows are taken to be even between its steps, {:.4} a second",
+            "the clock's step is {step_s} s, about a row or longer; rows are taken to be more even, {:.4} a second",
             recording.sample_rate_hz
         );
         let finding = Finding::note(FindingKind::RepeatedTimes, what);
