@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use gap_diagnosis::{Options, diagnose};
 use gap_report::{JointReport, Remaining, Remains, Report, Verdict};
 use joint_model::rigid_body::{Chain, Link};
+use nalgebra::Vector3;
 use recording::{JointColumns, Recording, Signal};
 use robot::{Robot, RobotFile, Source};
 
@@ -474,10 +475,23 @@ fn what_the_files_own_values_take_within_their_tolerance_is_said() {
     };
     let right = told_with(1.0);
     assert!(!finds(&right, "note", moved), "{:?}", right.data);
+    assert!(right.links.is_empty());
     // two standard deviations of what is taken for known where nothing is stated
     let heavier = told_with(1.04);
     is_told(&heavier);
     assert!(finds(&heavier, "note", moved), "{:?}", heavier.data);
+    // and written for the mended file: mass and centre together are what they were, whichever of them is moved
+    let link = &heavier.links[0];
+    let before = robot("").chain.links()[0];
+    let centre_m = before.centre_of_mass_m;
+    let moved_m = Vector3::from(link.centre_of_mass_m.map(|of| of.value));
+    let mass_kg = 1.04 * before.mass_kg + link.mass_kg.value;
+    let moment_kg_m = mass_kg * (centre_m + moved_m).norm();
+    let right_kg_m = before.mass_kg * centre_m.norm();
+    assert!(
+        (moment_kg_m / right_kg_m - 1.0).abs() < 5e-3,
+        "{moment_kg_m} of {right_kg_m}"
+    );
 }
 
 #[test]

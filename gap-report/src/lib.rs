@@ -37,8 +37,8 @@ pub struct Report {
     pub shared_effects: Vec<SharedEffect>,
     /// In the robot file's order.
     pub joints: Vec<JointReport>,
-    /// By what the links' values differ from the file's, where they are wrong by more than their tolerance; joints have it under the name of
-    /// what it does to them.
+    /// By what the links' values differ from the file's: where they are wrong by more than their tolerance, and joints have it under the name
+    /// of what it does to them, or where within it they take more of a joint's torque than is left.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub links: Vec<LinkChange>,
     /// What was wrong or missing in the data, worst first, in sentences.

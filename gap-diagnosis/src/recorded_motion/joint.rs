@@ -11,7 +11,7 @@ use super::motion::apart_s;
 use super::rows::JointRows;
 use super::shared::Prior;
 use super::signals::controller;
-use crate::evidence::arm::{self, AheadOf, Cause};
+use crate::evidence::arm::{self, AheadOf, Cause, Shared};
 use crate::evidence::imitation::{self, Ahead};
 use crate::evidence::told::MATERIALITY;
 use crate::evidence::{DEVIATIONS, Evidence, Fit, Item, Names, Presupposed, Problem, Scored, Span};
@@ -181,9 +181,8 @@ impl Joint {
 
     /// What decides among its names, beside what the arm shares.
     pub fn evidence(&self, shared: Option<&Prior<'_>>) -> Evidence {
-        // within their tolerance or beyond it, and not both
         let links = match shared {
-            Some(prior) if prior.causes.iter().any(Cause::is_of_links) => &[][..],
+            Some(prior) if prior.has_links => &[][..],
             _ => self.rows.links.as_slice(),
         };
         Evidence::of(&Problem {
@@ -212,19 +211,22 @@ impl Joint {
     pub fn searched(&self, shared: Option<&Prior<'_>>) -> Searched {
         let evidence = self.evidence(shared);
         let in_place_of = shared.map_or(0, |prior| self.in_place_of(prior.causes));
-        let has_links = shared.is_some_and(|prior| prior.causes.iter().any(Cause::is_of_links));
+        let is_wrong = shared.is_some_and(|prior| prior.causes.iter().any(Cause::is_of_links));
         let rotor_kg_m2 = self.drive.model().rotor_inertia_kg_m2;
         let has_none = |fit: &Fit| {
             fit.amplitudes.iter().all(|(item, values)| {
                 // beside the links' inertias the rest is the rotor's, which is no lighter than nothing
                 let is_rotor = self.rows.laws[*item].0 == Law::Inertia;
                 let is_lighter = is_rotor && values[0] < -rotor_kg_m2;
-                in_place_of & 1 << item == 0 && !(has_links && is_lighter)
+                in_place_of & 1 << item == 0 && !(is_wrong && is_lighter)
             })
         };
         let sets = evidence.best(|fit| has_none(fit) && self.is_possible(fit));
         Searched {
-            links: if has_links { 0 } else { self.rows.links.len() },
+            links: match shared {
+                Some(prior) if prior.has_links => 0,
+                _ => self.rows.links.len(),
+            },
             evidence,
             sets,
             leaves: None,
@@ -282,6 +284,7 @@ impl Joint {
         let other_masses = self.searched(Some(&Prior {
             causes: &[Cause::Payload],
             columns: self.rows.payload.clone(),
+            has_links: false,
             message: arm::prior(&[Cause::Payload]),
         }));
         let ahead_nats = [
@@ -455,33 +458,50 @@ impl Joint {
         })
     }
 
-    /// That the file's values, within their tolerance, take more of its torque than is left: no name has that, and no mended file.
-    /// `searched`: what is told.
-    pub fn note_of_values(&self, name: &str, searched: &Searched) -> Option<DataFinding> {
-        let links = &self.rows.links[..searched.links];
-        let columns = links.iter().chain(&self.rows.tolerated);
+    /// That the file's values, within their tolerance, take more of its torque than is left: no name has that. `searched`: what is told;
+    /// `links`: what all joints say of the links' values, where that is written for a mended file.
+    pub fn note_of_values(
+        &self,
+        name: &str,
+        searched: &Searched,
+        links: Option<&Shared>,
+    ) -> Option<DataFinding> {
+        let own = self.rows.links[..searched.links].iter();
+        let own = own.chain(&self.rows.tolerated);
         let best = &searched.sets[0];
-        let values = searched.evidence.values_beside(best.names);
+        let of_own = searched.evidence.values_beside(best.names);
         let mut moved_nm = vec![0.0; self.rows.seen.count()];
-        let mut deviations: f64 = 0.0;
-        for (column, value) in columns.zip(&values) {
-            deviations = deviations.max(value.abs());
+        let mut add = |column: &[f64], value: f64| {
             for (nm, of_value) in moved_nm.iter_mut().zip(column) {
                 *nm += value * of_value;
             }
+        };
+        own.zip(&of_own)
+            .for_each(|(column, value)| add(column, *value));
+        if let Some(links) = links {
+            let of_links = self.of_arm(links.cause).iter().zip(links.said.iter());
+            of_links.for_each(|(column, value)| add(column, *value));
         }
-        let rms = |square: f64| (square / moved_nm.len().max(1) as f64).sqrt();
+        let rms = |square: f64| (square / self.rows.seen.count().max(1) as f64).sqrt();
         let moved_nm = rms(moved_nm.iter().map(|nm| nm * nm).sum());
         let left_nm = rms(best.left.iter().sum()).hypot(self.spans()[0].floor_nm);
+        let written = match links {
+            Some(_) => {
+                "`flexspline gap apply` writes what all joints say of the links, the report's `links`, and leaves friction as it is"
+            }
+            None => {
+                "`flexspline gap apply` leaves them as they are, so a mended file leaves that too"
+            }
+        };
         (moved_nm > left_nm).then(|| DataFinding {
             joint: Some(name.to_owned()),
             severity: "note".to_owned(),
             what: format!(
-                "the robot file's own values, moved within their tolerance by up to {deviations:.1} standard deviations, take {moved_nm:.3} Nm \
-                 rms of its torque beside what is named, more than is left: `flexspline gap apply` leaves them as they are, so a mended file \
-                 leaves that too"
+                "the robot file's own values, moved within their tolerance, take {moved_nm:.3} Nm rms of its torque beside what is named, \
+                 more than the {left_nm:.3} Nm that are left: {written}"
             ),
-            remedy: "identify the masses, or whatever friction the file has; or state in parameter_tolerance how well they are known".to_owned(),
+            remedy: "identify the masses, or whatever friction the file has; or state in parameter_tolerance how well they are known"
+                .to_owned(),
         })
     }
 

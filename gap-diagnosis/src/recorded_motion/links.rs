@@ -1,14 +1,110 @@
-//! Masses, centres and inertias of links where the file is wrong of them: what they do to each joint by name, and what they come to.
+//! Masses, centres and inertias of links where the file is wrong of them, or where they lie within its tolerance: what they do to each
+//! joint by name, and what they come to.
 
 use gap_report::{DataFinding, LinkChange, NamedEffect, Parameter};
-use nalgebra::DMatrix;
+use joint_twin::on_all_cores::OnAllCores;
+use nalgebra::{DMatrix, DVector};
 use robot::{Effect, Robot};
 
-use super::joint::Joint;
+use super::joint::{Joint, Searched};
 use super::laws::Law;
-use crate::evidence::ERRORS;
-use crate::evidence::arm::{LINKS_WRONG, OF_LINK, Shared};
+use super::shared::Prior;
+use crate::evidence::arm::{self, Cause, LINKS_WRONG, OF_LINK, ROUNDS, Shared};
 use crate::evidence::told;
+use crate::evidence::{ERRORS, Message};
+
+/// What the links' values within their tolerance come to where all joints have the same.
+pub struct WithinTolerance {
+    /// The values.
+    pub links: Shared,
+    /// Every joint's sets beside them; none where a joint has no say.
+    pub with: Vec<Option<Searched>>,
+}
+
+/// One estimate of the links' values within their tolerance for all joints, which share no other cause: each by itself moves them as it
+/// needs. `alone`: what each tells by itself.
+pub fn within_tolerance(
+    robot: &Robot,
+    joints: &[Joint],
+    alone: &[Searched],
+) -> Option<WithinTolerance> {
+    let cause = Cause::Masses(robot.chain.joint_count());
+    let of_tolerance = of_tolerance(robot);
+    let prior = |joint: &Joint, message: Message| Prior {
+        causes: &[],
+        columns: joint.of_arm(cause).to_vec(),
+        has_links: true,
+        message,
+    };
+    // a torque that its masses do not need tells nothing of them
+    let says = |joint: &Joint| joint.misfit.is_none() && !joint.of_arm(cause).is_empty();
+    let mut own: Vec<Option<Message>> = joints
+        .iter()
+        .zip(alone)
+        .on_all_cores(|(joint, alone)| {
+            let evidence = || joint.evidence(Some(&prior(joint, of_tolerance.clone())));
+            says(joint).then(|| evidence().message(alone.sets[0].names))?
+        })
+        .collect();
+    let searched = |joint: &Joint, message: Message| {
+        says(joint).then(|| joint.searched(Some(&prior(joint, message))))
+    };
+    for _ in 0..ROUNDS {
+        let others = arm::others(&of_tolerance, &own);
+        let both = joints.iter().zip(others);
+        own = both
+            .on_all_cores(|(joint, others)| {
+                let searched = searched(joint, others)?;
+                searched.evidence.message(searched.sets[0].names)
+            })
+            .collect();
+    }
+    let (said, covariance) = arm::all(&of_tolerance, &own).said()?;
+    // names, and what they come to, are those of a file that has the values
+    let precision = DMatrix::identity(said.len(), said.len()) / f64::EPSILON.sqrt();
+    let held = Message {
+        pull: &precision * &said,
+        precision,
+    };
+    let with: Vec<Option<Searched>> = joints
+        .iter()
+        .on_all_cores(|joint| searched(joint, held.clone()))
+        .collect();
+    Some(WithinTolerance {
+        links: Shared {
+            cause,
+            said,
+            covariance,
+        },
+        with,
+    })
+}
+
+/// What is known of the links' values by the robot file's tolerance, in the deviations that they have where the file is wrong.
+fn of_tolerance(robot: &Robot) -> Message {
+    let of = |name| robot.tolerance.of(name) / LINKS_WRONG;
+    let chain = super::dynamics::chain(robot);
+    let deviations = chain.links().iter().flat_map(|link| {
+        let centre_m = link.centre_of_mass_m;
+        let part = centre_m.try_normalize(f64::MIN_POSITIVE);
+        let along = part.unwrap_or_default() * of("centre_of_mass_m");
+        let mass = of("mass_kg");
+        [
+            mass,
+            along.x.abs(),
+            along.y.abs(),
+            along.z.abs(),
+            of("inertia_kg_m2"),
+        ]
+    });
+    // a value without a tolerance is held
+    let precision = deviations.map(|deviation| deviation.max(f64::EPSILON.sqrt()).powi(-2));
+    let precision = DVector::from_iterator(OF_LINK * chain.joint_count(), precision);
+    Message {
+        pull: DVector::zeros(precision.len()),
+        precision: DMatrix::from_diagonal(&precision),
+    }
+}
 
 /// What the links' values do to one joint, called by what comes nearest of what a link is to its own joint: weight, or inertia. No share
 /// yet.

@@ -40,7 +40,7 @@ use crate::diagnose::{
     DiagnoseError, Diagnosis, JointTraces, Progress, blank_report, insufficient,
 };
 use crate::evidence::Fit;
-use crate::evidence::arm::Cause;
+use crate::evidence::arm::{Cause, Shared};
 use crate::evidence::shares::Interval;
 use crate::evidence::told::{Found, Said};
 
@@ -104,7 +104,7 @@ pub fn diagnose(
         report.data.extend(untold(robot, &usable.read, &pieces));
         let (mut arms, mut all) = shared::searched(robot, of_right_sign, progress);
         // what explains little of every joint is no cause of theirs: it is left out, and nothing but the links takes its place
-        let said = loop {
+        let mut said = loop {
             let probability = probabilities(&all);
             let best = &mut all[0];
             let Arm { joints, alone } = &mut arms[best.arm];
@@ -127,13 +127,35 @@ pub fn diagnose(
             };
             all.retain(|found| found.causes().all(may_be));
         };
-        let best = &all[0];
-        let Arm { joints, alone } = &arms[best.arm];
-        for ((joint, alone), with) in joints.iter().zip(alone).zip(&best.with) {
-            let name = &robot.joints[joint.index].name;
+        let best = &mut all[0];
+        let Arm { joints, alone } = &mut arms[best.arm];
+        let of_file = |joint: &Joint| robot.joints[joint.index].name.as_str();
+        let note_of_values = |joint: &Joint, searched: &Searched, of_links: Option<&Shared>| {
+            joint.note_of_values(of_file(joint), searched, of_links)
+        };
+        // what joints move the links by for themselves is what no file can have
+        let is_moved = best.shared.is_empty() && {
+            let mut each = joints.iter().zip(&*alone);
+            each.any(|(joint, alone)| note_of_values(joint, alone, None).is_some())
+        };
+        let within = is_moved.then(|| links::within_tolerance(robot, joints, alone));
+        let of_links = within.flatten().map(|within| {
+            best.with = within.with;
+            without_imitations(joints, alone, &mut best.with);
+            said = self::said(robot, joints, alone, (&*best, &[]), materiality);
+            within.links
+        });
+        for ((joint, alone), with) in joints.iter().zip(&*alone).zip(&best.with) {
             let searched = with.as_ref().unwrap_or(alone);
-            report.data.extend(joint.note_of_clock(name, searched));
-            report.data.extend(joint.note_of_values(name, searched));
+            report
+                .data
+                .extend(joint.note_of_clock(of_file(joint), searched));
+            report
+                .data
+                .extend(note_of_values(joint, searched, of_links.as_ref()));
+        }
+        if let Some(of_links) = &of_links {
+            report.links = links::changes(robot, of_links);
         }
         let late = shared::late(robot, &arms, &all[0]);
         report.data.extend(late.as_ref().map(note_of_late));

@@ -38,6 +38,8 @@ pub struct Prior<'a> {
     pub causes: &'a [Cause],
     /// One for each amplitude.
     pub columns: Vec<Vec<f64>>,
+    /// Whether values of the links are among them: they are within their tolerance or beyond it, and not both.
+    pub has_links: bool,
     /// Of the other joints.
     pub message: Message,
 }
@@ -192,11 +194,13 @@ fn beside(robot: &Robot, arms: &[Arm], arm: usize, causes: &[Cause]) -> Option<F
         });
         each.flatten().collect::<Vec<Vec<f64>>>()
     };
+    let has_links = causes.iter().any(Cause::is_of_links);
     let mut priors: Vec<Prior<'_>> = joints
         .iter()
         .map(|joint| Prior {
             causes,
             columns: columns(joint, [0.0; 3]),
+            has_links,
             message: gravity.prior(causes),
         })
         .collect();
@@ -241,6 +245,7 @@ fn beside(robot: &Robot, arms: &[Arm], arm: usize, causes: &[Cause]) -> Option<F
                 Prior {
                     causes,
                     columns: columns(joint, centre_m),
+                    has_links,
                     message,
                 }
             })
