@@ -453,6 +453,73 @@ fn a_torque_that_comes_long_after_the_position_is_a_warning() {
 }
 
 #[test]
+fn a_reversed_position_is_called_so_where_the_weight_does_not_turn_with_it() {
+    // its centre lies beside the axis, so that it weighs the same as far on either side
+    let right = robot("");
+    let beside = Link {
+        centre_of_mass_m: Vector3::new(-0.25, 0.0, 0.0),
+        ..right.chain.links()[0]
+    };
+    let chain = Chain::new(&[beside], right.chain.gravity_m_s2(), right.chain.tool()).unwrap();
+    let beside = Robot { chain, ..right };
+    let told_with = |position: f64, torque: f64| {
+        let mut log = plain();
+        for (nm, q) in log.torque_nm.iter_mut().zip(&log.position_rad) {
+            *nm = torque * (*nm + 2.0 * 9.81 * 0.25 * (q.cos() - q.sin()));
+        }
+        let of_motion = [
+            &mut log.position_rad,
+            &mut log.velocity_rad_s,
+            &mut log.reference_rad,
+        ];
+        of_motion
+            .into_iter()
+            .flatten()
+            .for_each(|value| *value *= position);
+        told(&beside, recording(log.time_s.clone(), as_recorded(log)))
+    };
+    is_told(&told_with(1.0, 1.0));
+    let reversed = told_with(-1.0, 1.0);
+    let what = "its position is reversed beside motor_torque_nm";
+    assert!(finds(&reversed, "error", what), "{:?}", reversed.data);
+    let reversed = told_with(1.0, -1.0);
+    let what = "motor_torque_nm is reversed";
+    assert!(finds(&reversed, "error", what), "{:?}", reversed.data);
+}
+
+#[test]
+fn a_gravity_torque_that_another_zero_would_make_is_said_to_be_that() {
+    let of_zero = "rad elsewhere";
+    let log = plain();
+    let right = told(&robot(""), recording(log.time_s.clone(), as_recorded(log)));
+    assert!(!finds(&right, "note", of_zero), "{:?}", right.data);
+    let mut log = plain();
+    log.position_rad.iter_mut().for_each(|q| *q -= 1.0);
+    let moved = told(&robot(""), recording(log.time_s.clone(), as_recorded(log)));
+    let mut all = moved.data.iter();
+    let found = all.find(|finding| finding.what.contains(of_zero)).unwrap();
+    let (_, offset) = found.remedy.split_once("add ").unwrap();
+    let offset_rad: f64 = offset.split(' ').next().unwrap().parse().unwrap();
+    assert!((offset_rad - 1.0).abs() < 0.03, "{offset_rad}");
+}
+
+#[test]
+fn a_joint_whose_inertia_all_goes_was_moved_by_something_that_was_not_recorded() {
+    let mut log = plain();
+    let mut seed = 3;
+    let weight = |q: &f64| 2.0 * 9.81 * 0.25 * q.sin();
+    log.torque_nm = log.position_rad.iter().map(weight).collect();
+    log.torque_nm
+        .iter_mut()
+        .for_each(|nm| *nm += 0.02 * noise(&mut seed));
+    let moved = told(&robot(""), recording(log.time_s.clone(), as_recorded(log)));
+    warns(&moved, "nothing is left for certain");
+    let log = plain();
+    let right = told(&robot(""), recording(log.time_s.clone(), as_recorded(log)));
+    assert!(!finds(&right, "warning", "nothing is left for certain"));
+}
+
+#[test]
 fn what_the_files_own_values_take_within_their_tolerance_is_said() {
     let moved = "the robot file's own values, moved within their tolerance";
     let told_with = |mass: f64| {

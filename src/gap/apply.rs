@@ -266,8 +266,9 @@ fn put_payloads_on_last_link(report: &mut Report, robot: &Robot) {
     }
 }
 
-/// Takes from a report the link inertias that no link of the robot can have, and says which: a joint that moves less inertia than the file
-/// tells may do so for any body that it carries, and its own link has not as much to spare.
+/// Takes from a report the link inertias and payloads that no link of the robot can have, and says which: a joint that moves less inertia
+/// than the file tells may do so for any body that it carries, and its own link has not as much to spare; and no more can be missing at an
+/// arm's end than its last link is.
 fn take_impossible(report: &mut Report, text: &str, robot: &RobotText<'_>) -> Vec<String> {
     let mut none = report.clone();
     none.shared_effects.clear();
@@ -275,26 +276,44 @@ fn take_impossible(report: &mut Report, text: &str, robot: &RobotText<'_>) -> Ve
         joint.effects.clear();
         joint.minor_effects.clear();
     }
+    let is_possible = |alone: &Report| {
+        let written = with_effects(text, alone);
+        written.is_ok_and(|(text, _)| check(&text, robot).is_ok())
+    };
     let mut left_out = Vec::new();
-    for (place, joint) in report.joints.iter_mut().enumerate() {
-        let (name, mut alone) = (&joint.joint, none.clone());
-        let mut is_possible = |found: &NamedEffect| {
-            let Ok(Effect::LinkInertia { inertia_kg_m2 }) = to_effect(found) else {
-                return true;
-            };
-            alone.joints[place].effects = vec![found.clone()];
-            let written = with_effects(text, &alone);
-            let is_possible = written.is_ok_and(|(text, _)| check(&text, robot).is_ok());
-            if !is_possible {
-                left_out.push(format!(
-                    "{name}: {inertia_kg_m2:+.3e} kg m² of inertia are left out: its own link has not as much, so bodies that it carries are \
-                     lighter than the file tells"
-                ));
-            }
-            is_possible
+    let mut can_be = |found: &NamedEffect, on: &str, alone: &dyn Fn() -> Report| {
+        let why = match to_effect(found) {
+            Ok(Effect::LinkInertia { inertia_kg_m2 }) => format!(
+                "{on}: {inertia_kg_m2:+.3e} kg m² of inertia are left out: its own link has not as much, so bodies that it carries are lighter \
+                 than the file tells"
+            ),
+            Ok(Effect::Payload { mass_kg, .. }) => format!(
+                "{on}: a payload of {mass_kg:+.3} kg is left out: the last link has not as much, so bodies before it are lighter than the file \
+                 tells, or none of it is there"
+            ),
+            _ => return true,
         };
-        joint.effects.retain(&mut is_possible);
-        joint.minor_effects.retain(&mut is_possible);
+        let can_be = is_possible(&alone());
+        left_out.extend((!can_be).then_some(why));
+        can_be
+    };
+    report.shared_effects.retain(|shared| {
+        can_be(&shared.effect, "arm", &|| Report {
+            shared_effects: vec![shared.clone()],
+            ..none.clone()
+        })
+    });
+    for (place, joint) in report.joints.iter_mut().enumerate() {
+        let name = &joint.joint;
+        let mut of_joint = |found: &NamedEffect| {
+            can_be(found, name, &|| {
+                let mut alone = none.clone();
+                alone.joints[place].effects = vec![found.clone()];
+                alone
+            })
+        };
+        joint.effects.retain(&mut of_joint);
+        joint.minor_effects.retain(&mut of_joint);
     }
     left_out
 }

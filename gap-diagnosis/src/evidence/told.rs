@@ -36,6 +36,8 @@ fn reason(
 ) -> String {
     let names_take = |limit: f64| {
         let [taken, limit] = [taken.max(0.0), limit].map(|share| 100.0 * share);
+        // what is just below is not shown as the limit
+        let taken = (10.0 * taken).floor() / 10.0;
         format!("the names take {taken:.1} % of the gap, less than {limit:.0} %")
     };
     match verdict {

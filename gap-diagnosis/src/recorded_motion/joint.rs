@@ -3,7 +3,7 @@
 use gap_report::{DataFinding, JointReport, JointTorque, SignalGap, TorqueSource};
 use joint_twin::signal::band::COMPARED_HZ;
 use recording_checks::units::GAIN;
-use robot::{EffectKind, Robot};
+use robot::{EffectKind, Robot, Tolerance};
 
 use super::dynamics::Drive;
 use super::laws::{self, Law};
@@ -14,7 +14,9 @@ use super::signals::controller;
 use crate::evidence::arm::{self, AheadOf, Cause, Shared};
 use crate::evidence::imitation::{self, Ahead};
 use crate::evidence::told::MATERIALITY;
-use crate::evidence::{DEVIATIONS, Evidence, Fit, Item, Names, Presupposed, Problem, Scored, Span};
+use crate::evidence::{
+    DEVIATIONS, ERRORS, Evidence, Fit, Item, Names, Presupposed, Problem, Scored, Span,
+};
 
 /// Part of the torque that nobody can tell: torque transducers and current sensors of class 0.5 are linear to half a per cent.
 const LINEAR: f64 = 0.005;
@@ -502,6 +504,64 @@ impl Joint {
             ),
             remedy: "identify the masses, or whatever friction the file has; or state in parameter_tolerance how well they are known"
                 .to_owned(),
+        })
+    }
+
+    /// That with what is named nothing of the joint's inertia is left for certain: something moves it that was not recorded.
+    pub fn note_of_inertia(&self, told: &JointReport) -> Option<DataFinding> {
+        let rotor_kg_m2 = match self.source {
+            TorqueSource::Sensor => 0.0,
+            _ => self.drive.model().rotor_inertia_kg_m2,
+        };
+        let of_file_kg_m2 = self.rows.inertia_kg_m2 + rotor_kg_m2;
+        let mut named = told.effects.iter().filter(|found| !found.of_links);
+        let lighter = named.find(|found| found.effect == EffectKind::LinkInertia.name())?;
+        let change = lighter.parameters.get("inertia_kg_m2")?;
+        let is_none = of_file_kg_m2 + change.value < ERRORS * change.std;
+        is_none.then(|| DataFinding {
+            joint: Some(told.joint.clone()),
+            severity: "warning".to_owned(),
+            what: format!(
+                "of {of_file_kg_m2:.3e} kg m² about its axis nothing is left for certain with the {:.3e} kg m² that are named: no joint has \
+                 that, so its torque is not all that moves it, or the file's masses are not those of this joint",
+                change.value
+            ),
+            remedy: "if it was moved by hand or by another drive, record it as it drives itself; else check the file's masses"
+                .to_owned(),
+        })
+    }
+
+    /// That the gravity torque that is named is what another zero of the position makes of the file's masses.
+    pub fn note_of_zero(&self, told: &JointReport, tolerance: &Tolerance) -> Option<DataFinding> {
+        let mut named = told.effects.iter().filter(|found| !found.of_links);
+        let found = named.find(|found| found.effect == EffectKind::GravityTorque.name())?;
+        let of = |name: &str| found.parameters.get(name);
+        let [sin, cos] = [of("sin_nm")?, of("cos_nm")?];
+        let [of_sin, of_cos] = self.rows.gravity_nm()?;
+        let with = [of_sin + sin.value, of_cos + cos.value];
+        let [before_nm, with_nm] = [of_sin.hypot(of_cos), with[0].hypot(with[1])];
+        // as large as the file's, by what it tells of mass and centre
+        let known = tolerance
+            .of("mass_kg")
+            .hypot(tolerance.of("centre_of_mass_m"));
+        let apart_nm = ERRORS * sin.std.hypot(cos.std) + DEVIATIONS * known * before_nm;
+        let is_turned = (with_nm - before_nm).abs() < apart_nm;
+        // a zero that is moved turns sine and cosine into each other
+        let moved_rad = f64::atan2(
+            with[1] * of_sin - with[0] * of_cos,
+            with[0] * of_sin + with[1] * of_cos,
+        );
+        is_turned.then(|| DataFinding {
+            joint: Some(told.joint.clone()),
+            severity: "note".to_owned(),
+            what: format!(
+                "the gravity torque that is named makes what the file's masses make where its position's zero lies {moved_rad:+.3} rad \
+                 elsewhere, {with_nm:.3} Nm at most: it may be the zero, and no mass"
+            ),
+            remedy: format!(
+                "if so, in the mapping file, [joint.{}], its position: add {moved_rad:.3} to its offset",
+                told.joint
+            ),
         })
     }
 

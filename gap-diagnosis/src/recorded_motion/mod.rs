@@ -74,14 +74,25 @@ pub fn diagnose(
         for (joint, sign) in joints.into_iter().zip(&signs) {
             let name = &robot.joints[joint.index].name;
             let signal = joint.source.signal_name();
-            let (why, because) = match sign {
+            let in_mapping = format!("in the mapping file, [joint.{name}]");
+            let (why, because, remedy) = match sign {
                 Sign::Reversed => (
                     format!("{signal} is reversed"),
                     "it goes against what the robot file's masses and friction need",
+                    format!("{in_mapping}, {signal}: multiply its scale by -1"),
+                ),
+                Sign::OfMotion => (
+                    format!("its position is reversed beside {signal}"),
+                    "friction and inertia go against the torque, and what the robot file's masses need as they are carried does not",
+                    format!(
+                        "{in_mapping}: multiply the scales of its position, velocity and references by -1; if the file's masses or the \
+                         position's zero are not what they should be, that of {signal} alone"
+                    ),
                 ),
                 Sign::Untold if is_all => (
                     format!("{signal} may be reversed"),
                     "nothing tells its sign, and wherever something does the torque is reversed",
+                    format!("{in_mapping}, {signal}: multiply its scale by -1"),
                 ),
                 Sign::Right | Sign::Untold => {
                     if *sign == Sign::Untold {
@@ -95,9 +106,7 @@ pub fn diagnose(
                 joint: Some(name.clone()),
                 severity: "error".to_owned(),
                 what: format!("{why}: {because}"),
-                remedy: format!(
-                    "in the mapping file, [joint.{name}], {signal}: multiply its scale by -1"
-                ),
+                remedy,
             });
             usable.against[joint.index] = Some(why);
         }
@@ -192,6 +201,10 @@ pub fn diagnose(
             let mut told = said.report;
             told.torque = Some(joint.torque(&told));
             report.data.extend(joint.note_of_file(&told));
+            report.data.extend(joint.note_of_inertia(&told));
+            report
+                .data
+                .extend(joint.note_of_zero(&told, &robot.tolerance));
             report.data.extend(note_of_scale(&told));
             report.data.extend(note_of_sensor(&told));
             report.data.extend(note_of_its_friction(&told));

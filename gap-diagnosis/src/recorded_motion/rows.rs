@@ -6,6 +6,7 @@ use joint_model::rigid_body::JointKind;
 use joint_twin::known::PART_MIN;
 use joint_twin::load::POSES;
 use joint_twin::signal::band::{Band, MOTION_HZ};
+use nalgebra::{DMatrix, DVector};
 use robot::Robot;
 
 use super::dynamics::{ArmColumn, Drive, Torques, that_count, tip_weights};
@@ -13,6 +14,7 @@ use super::laws::{Along, Law};
 use super::motion::{JointMotion, Piece};
 use super::presliding::{self, Presliding};
 use super::turning::Turning;
+use crate::evidence::INEXACT;
 use crate::evidence::rows::Rows;
 use crate::evidence::told::MATERIALITY;
 
@@ -354,6 +356,21 @@ impl JointRows {
             }
         }
         columns
+    }
+
+    /// What the file's masses make over sine and cosine of the joint's own position; none where that is not all that they make.
+    pub fn gravity_nm(&self) -> Option<[f64; 2]> {
+        let [sin, cos] = self.columns(Law::Gravity) else {
+            return None;
+        };
+        let acceleration = self.columns(Law::Inertia).first()?;
+        let of = DMatrix::from_fn(sin.len(), 3, |row, column| {
+            [sin[row], cos[row], acceleration[row]][column]
+        });
+        let needed_nm = DVector::from_column_slice(&self.rigid_nm);
+        let values = of.tr_mul(&of).cholesky()?.solve(&of.tr_mul(&needed_nm));
+        let left = (&needed_nm - &of * &values).norm();
+        (left <= INEXACT * needed_nm.norm()).then_some([values[0], values[1]])
     }
 
     /// Columns of a law; none where the joint may not have it.

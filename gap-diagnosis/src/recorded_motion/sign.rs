@@ -19,6 +19,8 @@ pub enum Sign {
     Right,
     /// Against them.
     Reversed,
+    /// As the masses that are carried need it, while friction and inertia go against it: the motion is reversed.
+    OfMotion,
     /// They do not tell.
     Untold,
 }
@@ -43,6 +45,11 @@ impl Parts {
         }
     }
 
+    /// Whether masses clearly need the torque as it is, and friction does not.
+    fn agrees_with_masses(&self) -> bool {
+        self.masses > CLEAR * self.left && self.friction < 0.0
+    }
+
     /// Without friction, where that takes less than nothing explains.
     fn heard(self) -> Self {
         let friction = if self.friction.abs() > self.left {
@@ -57,7 +64,8 @@ impl Parts {
 impl JointRows {
     /// Which way the torque goes, where both friction and what the rigid bodies need of it tell it clearly; or, as masses may be any,
     /// friction and the inertia that the torque shows, beside gravity however strong. Inertia alone tells it where there is no friction to
-    /// speak of: nothing has less than none.
+    /// speak of: nothing has less than none. A weight that is the same either way, as that of a horizontal arm about its zero, does not turn
+    /// with the position; then the torque may be right where what moves says that it is reversed.
     pub fn sign(&self) -> Sign {
         let [slip, acceleration] =
             [Law::Coulomb, Law::Inertia].map(|law| self.columns(law).first());
@@ -69,12 +77,21 @@ impl JointRows {
         let rigid: Vec<f64> = self.rigid_nm.iter().map(|x| x - mean_nm).collect();
         let sign = |parts: Option<Parts>| parts.map_or(Sign::Untold, |parts| parts.sign());
         let by_masses = sign(self.parts(&rigid, slip, &[&ones]));
-        if by_masses != Sign::Untold {
-            return by_masses;
-        }
         let gravity = self.columns(Law::Gravity).iter();
         let beside: Vec<&Vec<f64>> = std::iter::once(&ones).chain(gravity).collect();
-        sign(self.parts(acceleration, slip, &beside).map(Parts::heard))
+        let by_motion = || sign(self.parts(acceleration, slip, &beside).map(Parts::heard));
+        let told = match by_masses {
+            Sign::Untold => by_motion(),
+            told => told,
+        };
+        // what hangs there, without what accelerates it
+        let carried = self.rigid_nm.iter().zip(acceleration);
+        let carried: Vec<f64> = carried.map(|(nm, a)| nm - self.inertia_kg_m2 * a).collect();
+        let hangs = || self.parts(&carried, slip, &[&ones, acceleration]);
+        match told {
+            Sign::Reversed if hangs().is_some_and(|of| of.agrees_with_masses()) => Sign::OfMotion,
+            told => told,
+        }
     }
 
     /// What moves masses, and friction, beside other columns (least squares); none where they are alike, or friction brakes at one speed and

@@ -181,6 +181,36 @@ fn an_inertia_that_the_link_does_not_have_is_left_out_and_said() {
 }
 
 #[test]
+fn a_payload_that_takes_more_than_the_last_link_is_left_out_and_said() {
+    let friction = Effect::CoulombFriction { coulomb_nm: 1.0 };
+    let payload = |mass_kg: f64| Effect::Payload {
+        mass_kg,
+        centre_m: [0.0, 0.0, 0.1],
+    };
+    let mended = |mass_kg: f64| {
+        let mut shared = found(&payload(mass_kg));
+        shared["joints"] = json!(["shoulder"]);
+        let report = report(json!([found(&friction)]), json!([shared]));
+        let source = Source::File("bench.toml".into());
+        let robot = super::RobotText {
+            text: ROBOT,
+            source: &source,
+            name: "bench.toml",
+        };
+        super::mended(&robot, report, "report.json", false, None).unwrap()
+    };
+    let there = mended(0.5);
+    assert_eq!((there.changes.len(), there.left_out.len()), (2, 0));
+    let missing = mended(-2.5);
+    assert_eq!(missing.changes.len(), 1);
+    let left_out = &missing.left_out[0];
+    assert!(
+        left_out.starts_with("arm: a payload of -2.500 kg"),
+        "{left_out}"
+    );
+}
+
+#[test]
 fn rotor_inertia_is_the_file_s_own_value() {
     let change = found(&Effect::RotorInertia {
         inertia_kg_m2: 1e-6,
