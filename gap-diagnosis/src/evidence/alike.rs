@@ -67,6 +67,7 @@ impl Found<'_> {
                 }
             }
         }
+        pairs.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         pairs
     }
 

@@ -1,7 +1,8 @@
 //! The report in sentences.
 
 use gap_report::{
-    BeforeAfter, JointReport, NamedEffect, Remains, Report, SharedEffect, TwinKind, Verdict,
+    BeforeAfter, Candidate, Confusable, JointReport, NamedEffect, Remains, Report, SharedEffect,
+    TwinKind, Verdict,
 };
 use report::number;
 
@@ -139,7 +140,7 @@ fn joint_sentence(report: &Report, joint: &JointReport) -> String {
             }
             format!("{gap}: {takes}; what remains {rest}")
         }
-        Verdict::Ambiguous => match joint.confusable.first() {
+        Verdict::Ambiguous => match undecided(&joint.candidates, &joint.confusable) {
             Some(pair) => format!(
                 "{gap}: {} or {}, this data cannot tell them apart",
                 words(&pair.effects[0]),
@@ -368,11 +369,43 @@ fn rest_step(joint: &JointReport) -> String {
     )
 }
 
+/// What a joint is ambiguous by: the most probable cause and the next that may stand for it.
+fn undecided<'a>(candidates: &[Candidate], confusable: &'a [Confusable]) -> Option<&'a Confusable> {
+    let has = |pair: &Confusable, of: &Candidate| pair.effects.contains(&of.effect);
+    let decides = candidates.split_first().and_then(|(first, others)| {
+        others.iter().find_map(|other| {
+            let mut pairs = confusable.iter();
+            pairs.find(|pair| has(pair, first) && has(pair, other))
+        })
+    });
+    decides.or(confusable.first())
+}
+
 #[cfg(test)]
 mod tests {
     use gap_report::Parameter;
 
     use super::*;
+
+    #[test]
+    fn what_is_undecided_is_the_most_probable_cause() {
+        let candidate = |effect: &str| Candidate {
+            effect: effect.to_owned(),
+            probability: 0.5,
+        };
+        let pair = |effects: [&str; 2]| Confusable {
+            effects: effects.map(str::to_owned),
+            distance: 1.0,
+            reason: String::new(),
+        };
+        let candidates = ["torque_offset", "gravity_torque", "joint_spring"].map(candidate);
+        let frictions = pair(["coulomb_friction", "viscous_friction"]);
+        let decides = pair(["gravity_torque", "torque_offset"]);
+        let both = [frictions.clone(), decides.clone()];
+        assert_eq!(undecided(&candidates, &both), Some(&decides));
+        assert_eq!(undecided(&candidates, &both[..1]), Some(&frictions));
+        assert_eq!(undecided(&candidates, &[]), None);
+    }
 
     #[test]
     fn shares_and_values_have_the_digits_that_tell() {
