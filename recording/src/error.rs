@@ -325,6 +325,22 @@ pub enum ReadProblem {
         /// The column that looks most like it.
         nearest: Option<String>,
     },
+    /// A mapped array has more or fewer values than the times.
+    #[error(
+        "has `{}`, but with {length} values where the times and the other columns have {rows}, so `{}` in the mapping file cannot take it; \
+         if it begins when they do, leave the last {} of {} out before you save, or else bring it to their times",
+        one_line(column), one_line(key), length.abs_diff(*rows), if length > rows { "it" } else { "the others" }
+    )]
+    OtherLength {
+        /// The key in the mapping file.
+        key: String,
+        /// The array, or a column of it.
+        column: String,
+        /// How many values it has in a column.
+        length: usize,
+        /// How many rows are read.
+        rows: usize,
+    },
     /// Two columns of one name.
     #[error("has two columns named `{}`; rename one", one_line(column))]
     AmbiguousColumn {

@@ -175,6 +175,8 @@ pub(crate) struct Frame {
     pub(crate) joint_names: Vec<String>,
     /// Those whose name tells the signal.
     pub(crate) arrays: Vec<Joints>,
+    /// Arrays that were left out as they have another length, and theirs.
+    pub(crate) other_lengths: Vec<(String, usize)>,
     /// About the run, and how the file was understood.
     pub(crate) notes: BTreeMap<String, String>,
     pub(crate) truncated: bool,
@@ -318,8 +320,28 @@ impl Frame {
         Ok(())
     }
 
-    /// What was sought is likely in what was not read.
+    /// How many rows its columns have.
+    pub(crate) fn rows(&self) -> usize {
+        self.columns.first().map_or(0, |column| column.values.len())
+    }
+
+    /// What was sought is likely in what was not read, or is an array that was left out.
     fn with_what_was_not_read(&self, problem: ReadProblem) -> ReadProblem {
+        if let ReadProblem::NoColumn { key, column, .. } = &problem {
+            let is_of = |name: &str| {
+                let index = column.strip_prefix(name);
+                index.is_some_and(|index| index.is_empty() || index.starts_with('['))
+            };
+            let mut others = self.other_lengths.iter();
+            if let Some((_, length)) = others.find(|(name, _)| is_of(name)) {
+                return ReadProblem::OtherLength {
+                    key: key.clone(),
+                    column: column.clone(),
+                    length: *length,
+                    rows: self.rows(),
+                };
+            }
+        }
         match self.notes.get(NOT_READ) {
             Some(not_read) => ReadProblem::NotAllRead {
                 problem: Box::new(problem),

@@ -6,7 +6,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 use proptest::prelude::*;
-use recording::{ReadProblem, Signal, read, read_mapped};
+use recording::{GuessJoint, ReadProblem, Signal, guess, read, read_mapped};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -105,6 +105,54 @@ impl Folder {
     fn refusal(&self, log: &Path) -> String {
         let refusal = read(log).unwrap_err().problem.to_string();
         refusal.replace(&format!("{}/", self.0.path().display()), "")
+    }
+}
+
+/// Simulink may log a source of its own a few steps longer.
+#[test]
+fn an_array_of_another_length_is_said_to_be_there_with_its_length() {
+    let vector = |values: usize| {
+        let numbers: Vec<f64> = (0..values).map(|row| row as f64).collect();
+        npy("<f8", false, &format!("{values},"), &doubles(&numbers))
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.npz");
+    let mapping = folder.path().join("log.mapping.toml");
+    let text = "[joint.elbow]\nlink_position_rad = 'angle'\ncommand_torque_nm = 'input'";
+    std::fs::write(&mapping, text).unwrap();
+    for (length, what_to_do) in [(51, "the last 11 of it"), (30, "the last 10 of the others")] {
+        let members = [
+            ("t", vector(40)),
+            ("angle", vector(40)),
+            ("inputDig", vector(40)),
+            ("input", vector(length)),
+        ];
+        std::fs::write(&path, npz(&members)).unwrap();
+        let refusal = read_mapped(&path, &mapping)
+            .unwrap_err()
+            .problem
+            .to_string();
+        let told = format!("has `input`, but with {length} values where the times");
+        assert!(refusal.starts_with(&told), "{refusal}");
+        assert!(
+            refusal.contains("have 40, so `joint.elbow.command_torque_nm`"),
+            "{refusal}"
+        );
+        assert!(refusal.contains(what_to_do), "{refusal}");
+        let elbow = GuessJoint {
+            name: "elbow".to_owned(),
+            gear_ratio: 1.0,
+            is_limited: false,
+            has_rotor: false,
+            slides: false,
+        };
+        let guess = guess(&path, &[elbow]).unwrap();
+        let why = format!("it has {length} values where the times have 40");
+        assert!(
+            guess.left_out.contains(&("input".to_owned(), why)),
+            "{:?}",
+            guess.left_out
+        );
     }
 }
 

@@ -53,6 +53,12 @@ impl<'a> Guesser<'a> {
                 Err(why) => guess.left_out.push((column.name.clone(), why)),
             }
         }
+        let rows = self.frame.rows();
+        let other_lengths = self.frame.other_lengths.iter().map(|(name, length)| {
+            let why = format!("it has {length} values where the times have {rows}");
+            (name.clone(), why)
+        });
+        guess.left_out.extend(other_lengths);
         let (left_out, time) = self.weigh_velocities(&mut columns);
         guess.time = time;
         guess.left_out.extend(left_out);

@@ -97,6 +97,7 @@ pub(super) fn frame_of(mut arrays: Vec<Array>) -> Result<Frame, ReadProblem> {
         let nearly = length.abs_diff(rows) as f64 <= NEARLY * rows as f64;
         if length != rows && !(nearly && is_told(&array)) {
             left_out.push(format!("{} ({length})", array.name));
+            frame.other_lengths.push((array.name, length));
         } else {
             frame.add_array(array);
         }
