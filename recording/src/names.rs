@@ -166,6 +166,7 @@ const UNITS: &[(&str, Quantity, f64)] = &[
     ("nm", Quantity::Torque, 1.0),
     ("mnm", Quantity::Torque, 1e-3),
     ("ncm", Quantity::Torque, 1e-2),
+    ("nmm", Quantity::Torque, 1e-3),
     ("knm", Quantity::Torque, 1e3),
     ("a", Quantity::Current, 1.0),
     ("amps", Quantity::Current, 1.0),
@@ -187,6 +188,8 @@ const NO_JOINTS: &[&str] = &["v", "mv", "w", "hz", "khz", "kg", "g", "bool"];
 /// How units are written, and the words that are known for them.
 const SPELLINGS: &[(&str, &str)] = &[
     ("°C", "degC"),
+    ("Deg C", "degC"),
+    ("deg C", "degC"),
     ("°", "deg"),
     ("º", "deg"),
     ("rev/min", "rpm"),
@@ -208,17 +211,24 @@ const SPELLINGS: &[(&str, &str)] = &[
 /// What ROS's controllers of one joint measure: its position, or its velocity where that is what they control.
 pub(crate) const PROCESS_VALUE: &str = "process_value";
 
-/// Whether these are the units of columns: known ones, or nothing.
+/// Whether these are the units of columns: more known ones than words that are none, and no number.
 pub(crate) fn are_units(fields: &[String]) -> bool {
     let is_known = |word: &String| {
         UNITS.iter().any(|(unit, _, _)| unit == word) || OTHER_UNITS.contains(&&**word)
     };
     let nothing = |field: &str| matches!(field.trim_matches(['[', ']', '(', ')']), "" | "-" | "%");
-    let is_unit = |field: &String| {
+    let (mut known, mut unknown) = (0, 0);
+    for field in fields.iter().filter(|field| !nothing(field)) {
+        if field.replacen(',', ".", 1).parse::<f64>().is_ok() {
+            return false;
+        }
         let words = words(&spelled(field));
-        field.parse::<f64>().is_err() && !words.is_empty() && words.iter().all(is_known)
-    };
-    fields.iter().any(is_unit) && fields.iter().all(|field| nothing(field) || is_unit(field))
+        match !words.is_empty() && words.iter().all(is_known) {
+            true => known += 1,
+            false => unknown += 1,
+        }
+    }
+    known > unknown
 }
 
 /// A name with the units in it written as they are known.
@@ -664,6 +674,13 @@ mod tests {
     fn a_unit_in_brackets_knows_better_than_a_word() {
         let told = meaning("a1 q-axis [A]").unwrap();
         assert_eq!((told.quantity, told.scale), (Quantity::Current, Some(1.0)));
+        for (name, scale) in [
+            ("Output Torque [N.mm]", 1e-3),
+            ("Torque (mNm)", 1e-3),
+            ("tau [N.m]", 1.0),
+        ] {
+            assert_eq!(meaning(name).unwrap().scale, Some(scale), "{name}");
+        }
         // an actual position is none
         let told = meaning("q_a").unwrap();
         assert_eq!(told.quantity, Quantity::Position);

@@ -301,6 +301,22 @@ fn what_an_instrument_writes_before_the_names_is_passed_over() {
         recording.signal("j", Signal::MotorTorqueNm).unwrap(),
         [1.5, 2.5]
     );
+    // a dynamometer of ODrive's
+    let rig = Log::new(
+        "2019-05-11 15:22:21.2\nInput voltage, Output Torque, Output Speed, Temperature\n\
+         V, N.mm, rad.s, Deg C\n48.1, -15.2, -10.5, 25.4\n48.0, -191.5, -10.3, 25.0\n",
+    );
+    let mapped = rig.mapped(
+        "sample_rate_hz = 10\n[joint.j]\njoint_torque_nm = { column = 'Output Torque [N.mm]', scale = 1e-3 }\n\
+         temperature_c = 'Temperature [Deg C]'",
+    );
+    let recording = mapped.read();
+    let torque_nm = recording.signal("j", Signal::JointTorqueNm).unwrap();
+    assert!((torque_nm[1] + 0.1915).abs() < 1e-12);
+    assert_eq!(
+        recording.signal("j", Signal::TemperatureC).unwrap()[0],
+        25.4
+    );
     let wrong = "Rig 7\n\ntime_s,j.motor_torque_nm\n0,1.5\n0.1,x\n";
     assert!(Log::new(wrong).refusal().starts_with("line 5, column"));
 }

@@ -372,6 +372,8 @@ mod tests {
         for other in [
             "t,q\n0,1\n",
             "t,mode\n0,idle\n",
+            "t;i;v\n0,5;a;v\n",
+            "t,i,mode\ns,idle,off\n",
             "t,q\n,\n",
             "t,q\ns\n",
             "s,m\n",
@@ -390,6 +392,10 @@ mod tests {
         let (text, start) = opened("rate: 100\nt;q\ns;deg\n0,0;1,5\n0,1;1,6\n");
         assert_eq!(text, "\nt;q\n\n0,0;1,5\n0,1;1,6\n");
         assert_eq!(start.units.unwrap(), ["s", "deg"]);
+        // a unit that is not known among those that are
+        let (text, start) = opened("monday\nV,I,T,p\nV,mA,N.mm,bar\n0,1,2,3\n1,1,2,3\n");
+        assert_eq!(text, "\nV,I,T,p\n\n0,1,2,3\n1,1,2,3\n");
+        assert_eq!(start.units.unwrap(), ["V", "mA", "N.mm", "bar"]);
         let (text, start) = opened("monday\n t  q1 q2\n 0  1  2\n 1  1  2\n");
         assert_eq!(text, "\nt q1 q2\n0 1 2\n1 1 2\n");
         assert_eq!(start.delimiter, b' ');
