@@ -40,10 +40,52 @@ fn ways(values: &[f64], time_s: &[f64], rate_hz: f64, run: Range<usize>) -> Vec<
         .collect()
 }
 
+/// Rows in the middle of a leap, where a potentiometer's wiper or a filter showed neither end: of two ways on, together more than half
+/// a turn, each is longer than every way elsewhere.
+fn between(runs: &[Vec<Way>]) -> Vec<usize> {
+    let per_row = |way: &Way| way.rad.abs() / way.rows;
+    // its shorter way, and where the second is
+    let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
+    let mut pairs_of: Vec<Vec<u8>> = runs.iter().map(|run| vec![0; run.len()]).collect();
+    for (run, ways) in runs.iter().enumerate() {
+        for (first, two) in ways.windows(2).enumerate() {
+            if two[0].rad * two[1].rad > 0.0 && (two[0].rad + two[1].rad).abs() > PI {
+                let shorter = per_row(&two[0]).min(per_row(&two[1]));
+                pairs.push((shorter, run, first + 1));
+                pairs_of[run][first] += 1;
+                pairs_of[run][first + 1] += 1;
+            }
+        }
+    }
+    let mut longest = 0.0_f64;
+    for (way, pairs) in runs.iter().flatten().zip(pairs_of.iter().flatten()) {
+        if *pairs == 0 && way.rad.abs() <= PI {
+            longest = longest.max(per_row(way));
+        }
+    }
+    // the ways of a pair that is none are elsewhere for the others
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut none = 0;
+    while let Some(&(shorter, run, second)) = pairs.get(none)
+        && shorter <= longest
+    {
+        for index in [second - 1, second] {
+            let way = &runs[run][index];
+            pairs_of[run][index] -= 1;
+            if pairs_of[run][index] == 0 && way.rad.abs() <= PI {
+                longest = longest.max(per_row(way));
+            }
+        }
+        none += 1;
+    }
+    let middle = |(_, run, second): &(f64, usize, usize)| runs[*run][second - 1].row;
+    pairs[none..].iter().map(middle).collect()
+}
+
 /// Rows on which a signal begins anew, with how far it goes back there. A leap of more than half a turn is one if, less its whole
-/// turns, it is no longer than the longest way from row to row anywhere else; or, of an encoder, if the joint goes on the other way
-/// before and after. And if it goes from end to end, for what counts within so far is never beyond that.
-fn rows(signal: Signal, values: &[f64], runs: &[Vec<Way>]) -> Vec<(usize, f64)> {
+/// turns, it is no longer than so many times the longest way from row to row anywhere else; or, of an encoder, if the joint goes on the
+/// other way before and after. And if it goes from end to end, for what counts within so far is never beyond that.
+fn rows(signal: Signal, values: &[f64], runs: &[Vec<Way>], times: f64) -> Vec<(usize, f64)> {
     let all = || runs.iter().flatten();
     let each = all().filter(|way| way.rad.abs() <= PI);
     let longest = each.fold(0.0, |longest: f64, way| {
@@ -62,7 +104,7 @@ fn rows(signal: Signal, values: &[f64], runs: &[Vec<Way>]) -> Vec<(usize, f64)> 
     let counted_rad = statistics::span(values);
     let turns = |way: &Way| (way.rad / TAU).round() * TAU;
     let is_turn = |way: &&&Way| {
-        (way.rad - turns(way)).abs() <= longest * way.rows
+        (way.rad - turns(way)).abs() <= times * longest * way.rows
             && counted_rad <= turns(way).abs() + longest
     };
     if leaps.iter().filter(is_turn).count() == leaps.len() {
@@ -96,21 +138,55 @@ fn rows(signal: Signal, values: &[f64], runs: &[Vec<Way>]) -> Vec<(usize, f64)> 
         .collect()
 }
 
+/// What begins anew of a signal.
+struct Wraps {
+    signal: Signal,
+    /// With how far it goes back there.
+    rows: Vec<(usize, f64)>,
+    /// In the middle of a leap.
+    between: Vec<usize>,
+}
+
+/// How far a leap with rows between may be from whole turns, in ways from row to row: the joint's own, and as much that a row before it
+/// is on the way already without being told from those that are not.
+const WAYS_BETWEEN: f64 = 2.0;
+
 /// What begins anew of a joint, signal by signal.
-fn of_joint(recording: &Recording, joint: &JointColumns) -> Vec<(Signal, Vec<(usize, f64)>)> {
-    let Recording {
-        time_s,
-        sample_rate_hz,
-        ..
-    } = recording;
+fn of_joint(recording: &Recording, joint: &JointColumns) -> Vec<Wraps> {
+    let runs = |values: &[f64]| -> Vec<Vec<Way>> {
+        let segments = recording.segments().into_iter();
+        let (time_s, rate_hz) = (&recording.time_s, recording.sample_rate_hz);
+        segments
+            .map(|run| ways(values, time_s, rate_hz, run))
+            .collect()
+    };
     let found = POSITIONS.into_iter().filter_map(|signal| {
         let values = joint.signals.get(&signal)?;
-        let segments = recording.segments().into_iter();
-        let runs: Vec<Vec<Way>> = segments
-            .map(|run| ways(values, time_s, *sample_rate_hz, run))
-            .collect();
-        let rows = rows(signal, values, &runs);
-        (!rows.is_empty()).then_some((signal, rows))
+        let all = runs(values);
+        // no sensor shows a reference
+        let between = match signal {
+            Signal::ReferencePositionRad => Vec::new(),
+            _ => between(&all),
+        };
+        if !between.is_empty() {
+            let mut values = values.clone();
+            between.iter().for_each(|row| values[*row] = f64::NAN);
+            let rows = rows(signal, &values, &runs(&values), WAYS_BETWEEN);
+            // a joint that goes a turn in two rows seldom leaps by one
+            if rows.len() >= 2 * between.len() {
+                return Some(Wraps {
+                    signal,
+                    rows,
+                    between,
+                });
+            }
+        }
+        let rows = rows(signal, values, &all, 1.0);
+        (!rows.is_empty()).then_some(Wraps {
+            signal,
+            rows,
+            between: Vec::new(),
+        })
     });
     found.collect()
 }
@@ -119,7 +195,12 @@ fn of_joint(recording: &Recording, joint: &JointColumns) -> Vec<(Signal, Vec<(us
 pub(crate) fn without_wraps(recording: &Recording) -> Cow<'_, Recording> {
     let mut whole = Cow::Borrowed(recording);
     for (index, joint) in recording.joints.iter().enumerate() {
-        for (signal, rows) in of_joint(recording, joint) {
+        for Wraps {
+            signal,
+            rows,
+            between,
+        } in of_joint(recording, joint)
+        {
             let Some(values) = whole.to_mut().joints[index].signals.get_mut(&signal) else {
                 continue;
             };
@@ -132,6 +213,7 @@ pub(crate) fn without_wraps(recording: &Recording) -> Cow<'_, Recording> {
                     values[row] -= gone_rad;
                 }
             }
+            between.into_iter().for_each(|row| values[row] = f64::NAN);
         }
     }
     whole
@@ -144,21 +226,26 @@ pub(crate) fn check(recording: &Recording) -> Vec<Finding> {
         let found = of_joint(recording, joint).into_iter();
         found.map(move |of| (joint, of))
     });
-    let told = found.map(|(joint, (signal, rows))| {
+    let told = found.map(|(joint, wraps)| {
+        let rows = wraps.rows;
         let (first, back_rad) = rows[0];
         let many = match rows.len() {
             1 => String::new(),
             count => format!(", and {} times more", count - 1),
         };
+        let left_out = match wraps.between.len() {
+            0 => "",
+            _ => ", without the rows in which it leaps",
+        };
         let what = format!(
-            "begins anew after {:.4} rad, first in row {} at {:.3} s{many}; the diagnosis lets it go on",
+            "begins anew after {:.4} rad, first in row {} at {:.3} s{many}; the diagnosis lets it go on{left_out}",
             back_rad.abs(),
             first + 1,
             recording.time_s[first] - recording.time_s[0],
         );
         Finding::warning(FindingKind::Wrapped, what)
             .at(joint)
-            .of(signal)
+            .of(wraps.signal)
             .decided_by(rows.len() as f64)
     });
     told.collect()
@@ -235,6 +322,56 @@ mod tests {
             .signals
             .insert(Signal::LinkPositionRad, square.collect());
         assert!(check(&recording).is_empty());
+    }
+
+    #[test]
+    fn a_row_in_the_middle_of_a_leap_is_no_sample() {
+        // six leaps, of which every second has a row that shows neither end, as a potentiometer's wiper leaves its track
+        let mut shown = turning(8.0, 5000);
+        let leaps: Vec<usize> = (1..5000)
+            .filter(|row| shown[row - 1] - shown[*row] > PI)
+            .collect();
+        assert_eq!(leaps.len(), 6);
+        let between = [leaps[0], leaps[2], leaps[4]];
+        for (row, rad) in between.into_iter().zip([4.3, 0.9, 3.2]) {
+            shown[row] = rad;
+        }
+        let recording_of = |shown: &[f64]| recording(shown.to_vec(), None);
+        let found = check(&recording_of(&shown));
+        assert!(
+            found.len() == 1 && found[0].what.contains("without the rows in which it leaps"),
+            "{found:?}"
+        );
+        assert_eq!(found[0].value, Some(6.0));
+        let recording = recording_of(&shown);
+        let whole = without_wraps(&recording);
+        let position_rad = &whole.joints[0].signals[&Signal::LinkPositionRad];
+        for (row, rad) in position_rad.iter().enumerate() {
+            let goes_on = (rad - 1.0 - 8e-3 * row as f64).abs() < 1e-9;
+            assert!(
+                goes_on || rad.is_nan() && between.contains(&row),
+                "{row}: {rad}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_joint_that_goes_a_turn_in_two_rows_does_not_begin_anew() {
+        // from rest to rest, there and back, and once from one row to the next
+        let at = |row: u32| match (row % 100, row) {
+            (0, 1..) => PI,
+            (..50, _) => 0.0,
+            (50, 250) => TAU,
+            (50, _) => PI,
+            _ => TAU,
+        };
+        assert!(check(&recording((0..600).map(at).collect(), None)).is_empty());
+        // faster and faster, for as many rows as long logs have
+        let faster = (0..200_000).map(|row| 3.1 * 0.5 * f64::from(row) * f64::from(row) / 2e5);
+        assert!(check(&recording(faster.collect(), None)).is_empty());
+        // on the way to more speed, and back
+        let fast = (0..600).map(|row| 3.0 * (0.9 * f64::from(row)).sin());
+        assert!(check(&recording(fast.collect(), None)).is_empty());
     }
 
     #[test]
