@@ -412,10 +412,19 @@ pub(crate) fn time_column(name: &str) -> Option<Option<UnitsPerSecond>> {
     .or_else(|| {
         matches!(words, [whose, "time" | "timestamp"] if CLOCKS.contains(whose)).then_some(unit)
     })
+    .or_else(|| time_column(stamp_of(name)?))
+}
+
+/// `timestamp` of `OSL:timestamp`, where whose it is stands before a colon.
+fn stamp_of(name: &str) -> Option<&str> {
+    let (_, stamp) = name.rsplit_once(':')?;
+    let is_stamp = words(stamp).iter().any(|word| word == "timestamp");
+    is_stamp.then_some(stamp)
 }
 
 /// Whose clock a time is of; none of these is said of how long something takes.
 const CLOCKS: &[&str] = &[
+    "meas",
     "pi",
     "ros",
     "sys",
@@ -457,7 +466,8 @@ pub(crate) fn only_time_column<'a>(
             continue;
         };
         let words = words(name);
-        let says_whose = || words.iter().any(|word| CLOCKS.contains(&&**word));
+        let says_whose =
+            || stamp_of(name).is_some() || words.iter().any(|word| CLOCKS.contains(&&**word));
         let rank = match unit_of_time(&words.concat()) {
             Some(_) => 2,
             None => usize::from(says_whose()),
@@ -605,6 +615,9 @@ mod tests {
             ("ElapsedMilliseconds", Some(UnitsPerSecond::MILLISECONDS)),
             ("DateTime", None),
             ("pi_time", None),
+            ("meas_time", None),
+            ("OSL:timestamp", None),
+            ("knee[A]:timestamp_ms", Some(UnitsPerSecond::MILLISECONDS)),
             ("rosTimestamp_ns", Some(UnitsPerSecond::NANOSECONDS)),
         ] {
             assert_eq!(time_column(name), Some(unit), "{name}");
@@ -621,7 +634,18 @@ mod tests {
         assert_eq!(only(&["sec", "nanosec"]), None);
         assert_eq!(only(&["ros_time", "q", "time"]), Some(2));
         assert_eq!(only(&["ros_time", "pi_time"]), None);
-        for other in ["s", "torque", "time_constant", "loop_time", "q", ""] {
+        assert_eq!(only(&["OSL:timestamp", "start_time", "q"]), Some(0));
+        assert_eq!(only(&["OSL:timestamp", "timestamp"]), Some(1));
+        for other in [
+            "s",
+            "torque",
+            "time_constant",
+            "loop_time",
+            "knee:rise_time",
+            "loop:time",
+            "q",
+            "",
+        ] {
             assert_eq!(time_column(other), None, "{other}");
         }
     }
