@@ -296,6 +296,18 @@ pub enum ReadProblem {
         /// The mapping file that could say.
         mapping: PathBuf,
     },
+    /// A table with a line for each signal.
+    #[error(
+        "has more columns ({columns}) than rows ({rows}) by far, so its lines seem to be signals and its columns moments; turn the table \
+         round, so that each signal is a column (Python: `pandas.read_csv(OLD, header=None, sep=None, engine='python').T.to_csv(NEW, \
+         index=False, header=NAMES)`)"
+    )]
+    RowsAreSignals {
+        /// How many.
+        columns: usize,
+        /// How many.
+        rows: usize,
+    },
     /// No column is a signal.
     #[error(
         "no column is named JOINT.SIGNAL, and {} does not say which column is which signal; its columns are {}",

@@ -343,6 +343,35 @@ fn nanoseconds_that_are_mapped_as_seconds_are_refused_with_the_scale() {
 }
 
 #[test]
+fn a_log_with_a_line_for_each_signal_is_to_be_turned_round() {
+    let line = |name: &str, values: u32| {
+        let values = (0..values).map(|row| (0.25 * f64::from(row)).to_string());
+        let names = std::iter::once(name.to_owned()).filter(|name| !name.is_empty());
+        names.chain(values).collect::<Vec<_>>().join("\t")
+    };
+    for (log, columns, rows) in [
+        (line("", 500), 500, 1),
+        (format!("{}\n{}\n", line("", 500), line("", 499)), 500, 2),
+        (
+            format!("{}\n{}\n", line("q", 500), line("tau", 500)),
+            501,
+            2,
+        ),
+    ] {
+        let refusal = Log::new(log).refusal();
+        let told = format!("has more columns ({columns}) than rows ({rows}) by far");
+        assert!(
+            refusal.starts_with(&told) && refusal.contains("turn the table round"),
+            "{refusal}"
+        );
+    }
+    // moments, though few
+    let rows: Vec<String> = (0..60).map(|_| line("", 500)).collect();
+    let refusal = Log::new(rows.join("\n")).refusal();
+    assert!(refusal.starts_with("begins with numbers"), "{refusal}");
+}
+
+#[test]
 fn refusals_say_where_and_what_to_change() {
     let header = "time_s,segment,j.motor_torque_nm\n";
     let refusal = |lines: &str| Log::new(header.to_owned() + lines).refusal();

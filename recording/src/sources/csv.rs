@@ -1,6 +1,6 @@
 //! CSV logs, with the columns' names or a mapping file saying what they hold.
 
-use super::csv_text::Uncommented;
+use super::csv_text::{Uncommented, is_mostly_numbers};
 use super::{Log, Source, lists};
 use crate::builder::TableBuilder;
 use crate::clock::{Instant, UnitsPerSecond};
@@ -148,18 +148,15 @@ fn read_table(
 ) -> Result<Recording, ReadProblem> {
     let (mut lines, header) = open(path)?;
     let plan = Plan::new(header.clone(), &[], mapping, mapping_path);
-    let plan = plan.map_err(|problem| match problem {
+    let plan = match plan {
         // whoever mapped the columns has seen that already
-        ReadProblem::NoSignals { .. } | ReadProblem::NoTimeColumn { .. }
-            if mapping.joints.is_empty() && are_counted(&header) =>
+        Err(problem @ (ReadProblem::NoSignals { .. } | ReadProblem::NoTimeColumn { .. }))
+            if mapping.joints.is_empty() =>
         {
-            ReadProblem::HeaderOfNumbers {
-                columns: header.len(),
-                mapping: mapping_path.to_owned(),
-            }
+            return Err(without_names(problem, &header, &mut lines, mapping_path));
         }
-        other => other,
-    })?;
+        plan => plan?,
+    };
     let mut table = TableBuilder::default();
     plan.prepare(&mut table);
     let mut record = ByteRecord::new();
@@ -202,6 +199,36 @@ pub(super) fn open(path: &Path) -> Result<(Lines, Vec<String>), ReadProblem> {
         header = told.map(|(name, unit)| with_unit(name, unit)).collect();
     }
     Ok((lines, header))
+}
+
+/// So many times more columns than rows no log has whose rows are moments: a diagnosis takes hundreds of rows, and robots have some
+/// hundreds of signals.
+const COLUMNS_PER_ROW: usize = 10;
+
+/// What is wrong with a file of which no column is known, where its first line holds numbers in the place of names.
+fn without_names(
+    problem: ReadProblem,
+    header: &[String],
+    lines: &mut Lines,
+    mapping_path: &Path,
+) -> ReadProblem {
+    let (columns, is_counted) = (header.len(), are_counted(header));
+    if !is_mostly_numbers(header) {
+        return problem;
+    }
+    // signals need not be of one length; a first line that is not counted is one of them
+    let others = lines.byte_records().take(columns / COLUMNS_PER_ROW + 1);
+    let rows = others.count() + usize::from(!is_counted);
+    if rows * COLUMNS_PER_ROW < columns {
+        ReadProblem::RowsAreSignals { columns, rows }
+    } else if is_counted {
+        ReadProblem::HeaderOfNumbers {
+            columns,
+            mapping: mapping_path.to_owned(),
+        }
+    } else {
+        problem
+    }
 }
 
 /// Whether the columns have no names but their numbers.

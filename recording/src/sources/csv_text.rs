@@ -254,7 +254,7 @@ fn is_row(fields: &[String]) -> bool {
 }
 
 /// Whether half of a line's fields and more are numbers: text is in rows too, but no numbers are in a line of names.
-fn is_mostly_numbers(fields: &[String]) -> bool {
+pub(super) fn is_mostly_numbers(fields: &[String]) -> bool {
     let numbers = fields
         .iter()
         .filter(|field| is_number(field) && !field.is_empty());
