@@ -157,6 +157,10 @@ fn seems(log: &Log<'_>) -> &'static str {
         _ if starts(b"ARROW1") || starts(b"FEA1") => {
             "; it is a Feather file, which pandas' `to_parquet` converts"
         }
+        _ if starts(b"TDSm") => {
+            "; it is a TDMS file of LabVIEW, so write it as CSV, with Python's npTDMS: \
+             `TdmsFile.read(OLD).as_dataframe().to_csv(NEW)`, or as .mat"
+        }
         _ if starts(b"ULog") => "; it is a PX4 log, which `ulog2csv` converts",
         "pkl" | "pickle" => {
             "; it is a Python pickle of protocol 0 or 1, so save it again with protocol 4"
@@ -190,6 +194,7 @@ mod tests {
         for (name, bytes, expected) in [
             ("log.gz", &b"\x1f\x8b\x08"[..], "gunzip"),
             ("log.xlsx", b"PK\x03\x04", "spreadsheet"),
+            ("log.tdms", b"TDSm\x0e\0\0\0", "npTDMS"),
             ("log.zip", b"PK\x03\x04", "ZIP"),
             ("log.json", b" {\"q\": 1}", "JSON"),
             ("log.pkl", b"(dp0\n", "protocol 4"),
