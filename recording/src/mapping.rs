@@ -202,7 +202,7 @@ fn source(key: String, value: &Value) -> Result<Source, MappingProblem> {
                     &format!("{key}.{SCALE}"),
                     value,
                     |scale| scale != 0.0,
-                    "a number other than 0",
+                    scale_must_be(&key, value),
                 )?
             }
             OFFSET => offset = number(&format!("{key}.{OFFSET}"), value, |_| true, "a number")?,
@@ -216,6 +216,21 @@ fn source(key: String, value: &Value) -> Result<Source, MappingProblem> {
         scale,
         offset,
     })
+}
+
+/// What a scale must be. A scale of 0 is most likely meant for the torque of a joint that nothing drives.
+fn scale_must_be(key: &str, scale: &Value) -> &'static str {
+    let torques = [
+        Signal::MotorTorqueNm,
+        Signal::JointTorqueNm,
+        Signal::CommandTorqueNm,
+    ];
+    let is_zero = scale.as_float() == Some(0.0) || scale.as_integer() == Some(0);
+    if is_zero && torques.iter().any(|torque| key.ends_with(torque.name())) {
+        "a number other than 0; for a joint without a drive add a column of zeros to the log and map it to command_torque_nm"
+    } else {
+        "a number other than 0"
+    }
 }
 
 fn names(key: &str, value: &Value) -> Result<Vec<String>, MappingProblem> {
@@ -351,6 +366,15 @@ mod tests {
         assert_eq!(refusal("joint = 1"), "`joint` must be a table");
         assert_eq!(
             refusal("[joint.a]\nmotor_torque_nm = { column = 'i', scale = 0 }"),
+            "`joint.a.motor_torque_nm.scale` must be a number other than 0; for a joint without a drive add a column of zeros to the log \
+             and map it to command_torque_nm"
+        );
+        assert_eq!(
+            refusal("[joint.a]\nmotor_current_a = { column = 'i', scale = 0.0 }"),
+            "`joint.a.motor_current_a.scale` must be a number other than 0"
+        );
+        assert_eq!(
+            refusal("[joint.a]\nmotor_torque_nm = { column = 'i', scale = 'x' }"),
             "`joint.a.motor_torque_nm.scale` must be a number other than 0"
         );
         assert!(

@@ -189,7 +189,7 @@ fn stuck(
     let (finding, remedy) = if is_torque {
         (
             Finding::error(FindingKind::StuckSignal, what),
-            "leave the column out; if the joint has no drive, or none that was switched on, map its zeros to command_torque_nm",
+            "leave the column out; if the joint has no drive, or none that was switched on, map a column of zeros to command_torque_nm",
         )
     } else {
         (

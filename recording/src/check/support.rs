@@ -44,7 +44,8 @@ pub(super) fn check(joint: &JointColumns) -> Vec<Finding> {
                 FindingKind::NoTorque,
                 "no motor torque, measured or commanded: friction, inertia and load cannot be identified".to_owned(),
             ),
-            "map the drive's torque to motor_torque_nm or command_torque_nm",
+            "map the drive's torque to motor_torque_nm or command_torque_nm; for a joint without a drive map a column of zeros to \
+             command_torque_nm",
         ),
         // beside a sensor the command is not what is taken for the torque
         (false, true) if !has(Signal::JointTorqueNm) => add(
