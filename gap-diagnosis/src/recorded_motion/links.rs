@@ -46,38 +46,39 @@ pub fn within_tolerance(
             says(joint).then(|| evidence().message(alone.sets[0].names))?
         })
         .collect();
-    let searched = |joint: &Joint, message: Message| {
-        says(joint).then(|| joint.searched(Some(&prior(joint, message))))
-    };
+    let mut found = None;
     for _ in 0..ROUNDS {
-        let others = arm::others(&of_tolerance, &own);
-        let both = joints.iter().zip(others);
-        own = both
-            .on_all_cores(|(joint, others)| {
-                let searched = searched(joint, others)?;
+        let whole = arm::all(&of_tolerance, &own);
+        let mut of_bodies = whole.clone();
+        of_bodies.hold_within_bodies(&[cause], whole);
+        let (said, covariance) = of_bodies.said()?;
+        // names, and what they come to, are those of a file that has the values
+        let precision = DMatrix::identity(said.len(), said.len()) / f64::EPSILON.sqrt();
+        let held = Message {
+            pull: &precision * &said,
+            precision,
+        };
+        let with: Vec<Option<Searched>> = joints
+            .iter()
+            .on_all_cores(|joint| {
+                says(joint).then(|| joint.searched(Some(&prior(joint, held.clone()))))
+            })
+            .collect();
+        own = with
+            .iter()
+            .on_all_cores(|searched| {
+                let searched = searched.as_ref()?;
                 searched.evidence.message(searched.sets[0].names)
             })
             .collect();
-    }
-    let (said, covariance) = arm::all(&of_tolerance, &own).said()?;
-    // names, and what they come to, are those of a file that has the values
-    let precision = DMatrix::identity(said.len(), said.len()) / f64::EPSILON.sqrt();
-    let held = Message {
-        pull: &precision * &said,
-        precision,
-    };
-    let with: Vec<Option<Searched>> = joints
-        .iter()
-        .on_all_cores(|joint| searched(joint, held.clone()))
-        .collect();
-    Some(WithinTolerance {
-        links: Shared {
+        let links = Shared {
             cause,
             said,
             covariance,
-        },
-        with,
-    })
+        };
+        found = Some(WithinTolerance { links, with });
+    }
+    found
 }
 
 /// What is known of the links' values by the robot file's tolerance, in the deviations that they have where the file is wrong.
